@@ -72,10 +72,11 @@ RunSummary finish(Store& store, const RunControl& control, const StopSource& sto
   return summary;
 }
 
-RunSummary mesh(const SurfaceSource& surface, const MeshOptions& asked, const RunControl& control,
+RunSummary mesh(const SurfaceSource& given, const MeshOptions& asked, const RunControl& control,
                 const StopSource& stop, Phase until = Phase::kDone) {
   const WorkClock clock;
   MeshOptions options = asked;
+  const SurfaceSource surface = source_to_mesh(given, options, control);
   settle_faces(surface, options, memory_cap(control.memory_bytes), &stop);
   if (const auto held = run_to_go_on_with(surface, options, stop)) {
     Store store = Store::open(options.store);
@@ -120,9 +121,10 @@ RunSummary resume(const std::filesystem::path& directory, const RunControl& cont
                        "that began the run");
     const std::vector<std::string>& more = held->surface.more_files;
     const SurfaceSource surface =
-        held->surface.file == kStandardInput
-            ? surface_in_standard_input(directory)
-            : surface_at(held->surface.file, {more.begin(), more.end()}, directory);
+        source_to_mesh(held->surface.file == kStandardInput
+                           ? surface_in_standard_input(directory)
+                           : surface_at(held->surface.file, {more.begin(), more.end()}, directory),
+                       held->parameters, directory, control);
     try {
       cut_faces_for(surface, held->parameters, memory_cap(control.memory_bytes), &stop);
       store = ingested(

@@ -751,7 +751,7 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
                          const std::filesystem::path& scratch, const std::optional<Size>& weld,
                          double sharp_angle, const std::filesystem::path& sharp_polylines,
                          bool has_bodies, const std::vector<std::string>& voids, const Size& gap,
-                         InsideRule inside) {
+                         InsideRule inside, const Size& wrap_alpha, const Size& wrap_offset) {
   Thrown thrown;
   return translated(thrown, [&] {
     const RunControl run = run_control(control, thrown);
@@ -771,6 +771,8 @@ SurfaceInfo surface_info(const Surface& surface, const Control& control,
          .bodies = body_law(has_bodies, voids, SurfaceAccess::more_files(surface).size()),
          .gap = gap,
          .inside = inside,
+         .wrap_alpha = wrap_alpha,
+         .wrap_offset = wrap_offset,
          .memory_cap = memory_cap(run.memory_bytes)});
     if (run.on_note)
       for (const std::string& note : survey.facts.notes) run.on_note(note);

@@ -452,15 +452,16 @@ Mesh open_run(const std::filesystem::path& store, const Control& control = {});
 
 /// Reads and checks a surface as mesh_surface() does, and refuses what that would refuse; once
 /// read, it is forgotten. Temporary files lie in `scratch`; empty: the system's directory for them.
-/// `weld`, `sharp_angle`, `sharp_polylines`, `has_bodies`, `voids`, `gap`, `inside`: see Options.
-/// Throws Error.
+/// `weld`, `sharp_angle`, `sharp_polylines`, `has_bodies`, `voids`, `gap`, `inside`,
+/// `wrap_alpha`, `wrap_offset`: see Options. Throws Error.
 SurfaceInfo surface_info(const Surface& surface, const Control& control = {},
                          const std::filesystem::path& scratch = {},
                          const std::optional<Size>& weld = {},
                          double sharp_angle = Options().sharp_angle,
                          const std::filesystem::path& sharp_polylines = {}, bool has_bodies = false,
                          const std::vector<std::string>& voids = {}, const Size& gap = {},
-                         InsideRule inside = InsideRule::kClosed);
+                         InsideRule inside = InsideRule::kClosed, const Size& wrap_alpha = {},
+                         const Size& wrap_offset = {});
 
 /// What a run on that surface will take, on so many threads (0: as many as the process may use).
 /// Reads nothing. Throws Error (kInput) for options out of range.

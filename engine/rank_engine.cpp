@@ -271,9 +271,10 @@ RunSummary mesh_as_rank(const MeshOptions& options, const RunControl& control, E
       options, control, exchange);
 }
 
-RunSummary mesh_as_rank(const SurfaceSource& surface, const MeshOptions& asked,
+RunSummary mesh_as_rank(const SurfaceSource& given, const MeshOptions& asked,
                         const RunControl& control, Exchange& exchange) {
   require_for_ranks(asked);
+  const SurfaceSource surface = source_to_mesh(given, asked, control);
   return in_turns(
       for_rank(control, exchange), [&](const RunControl& in_turn, const StopSource& stop) {
         const WorkClock clock;

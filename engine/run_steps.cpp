@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "engine/ingest/cured_surface.h"
 #include "engine/ingest/option_files.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/plan/run_setup.h"
@@ -40,6 +41,21 @@ RunRecord begun(const MeshOptions& options, const std::string& digest, const Box
   if (control.on_note)
     std::ranges::for_each(notes_on_shapes(options, run.parameters, box), control.on_note);
   return run;
+}
+
+SurfaceSource source_to_mesh(const SurfaceSource& given, const MeshOptions& options,
+                             const RunControl& control) {
+  return source_to_mesh(given, options.inside,
+                        {options.wrap_alpha, options.wrap_offset, memory_cap(control.memory_bytes)},
+                        options.store);
+}
+
+SurfaceSource source_to_mesh(const SurfaceSource& given, const RunParameters& parameters,
+                             const std::filesystem::path& store, const RunControl& control) {
+  return source_to_mesh(given, parameters.inside,
+                        {Size::length(parameters.wrap_alpha), Size::length(parameters.wrap_offset),
+                         memory_cap(control.memory_bytes)},
+                        store);
 }
 
 void check_output(const RunRecord& run, const std::filesystem::path& store,

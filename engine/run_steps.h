@@ -43,6 +43,12 @@ RunRecord begun(const MeshOptions& options, const std::string& digest, const Box
 void check_output(const RunRecord& run, const std::filesystem::path& store,
                   const RunControl& control, const DiskOf& disk = disk_of);
 
+// See engine/ingest/cured_surface.h. Of a run that begins, and of one that is gone on with.
+SurfaceSource source_to_mesh(const SurfaceSource& given, const MeshOptions& options,
+                             const RunControl& control);
+SurfaceSource source_to_mesh(const SurfaceSource& given, const RunParameters& parameters,
+                             const std::filesystem::path& store, const RunControl& control);
+
 // Of `num_ranks` which each have about as many triangles, one tells what all have done.
 IngestWatch watch_of(const RunControl& control, const StopSource& stop, int num_ranks = 1);
 IngestCalls ingest_calls(const std::filesystem::path& directory, std::function<Store()> open_store,

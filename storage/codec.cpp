@@ -112,7 +112,7 @@ constexpr std::uint8_t kKind = boost::mp11::mp_find<Kinds, Record>::value;
 
 constexpr PointKind last_of(PointKind) { return PointKind::kCrease; }
 constexpr Initialization last_of(Initialization) { return Initialization::kPaper; }
-constexpr InsideRule last_of(InsideRule) { return InsideRule::kWinding; }
+constexpr InsideRule last_of(InsideRule) { return InsideRule::kWrap; }
 constexpr Phase last_of(Phase) { return Phase::kCrease; }
 constexpr ShapeKind last_of(ShapeKind) { return ShapeKind::kSegment; }
 constexpr Holding last_of(Holding) { return Holding::kBeyond; }
@@ -567,6 +567,7 @@ void serialize(auto& archive, RunRecord& run, unsigned version) {
   if (version >= 7) serialize_part_sizes(archive, run.parameters.body_sizes);
   if (version >= 8)
     each(archive, run.parameters.gap, run.parameters.is_surface_only, run.parameters.inside);
+  if (version >= 9) each(archive, run.parameters.wrap_alpha, run.parameters.wrap_offset);
 }
 
 template <class Archive>
@@ -838,7 +839,7 @@ void serialize(auto& archive, TimelineRecord& record, unsigned) {
 }  // namespace locvol
 
 // Parts of records come without a version of their own.
-BOOST_CLASS_VERSION(locvol::RunRecord, 8)
+BOOST_CLASS_VERSION(locvol::RunRecord, 9)
 BOOST_CLASS_VERSION(locvol::LeafInfo, 3)
 BOOST_CLASS_VERSION(locvol::LeafPoints, 1)
 BOOST_CLASS_VERSION(locvol::LeafCells, 1)

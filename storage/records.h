@@ -186,6 +186,8 @@ struct RunParameters {
   double gap = 0;  // bodies nearer than that are made to touch; 0: only what rounding parts
   bool is_surface_only = false;  // the mesh has facets alone: no cells, nothing inside
   InsideRule inside = InsideRule::kClosed;
+  double wrap_alpha = 0,
+         wrap_offset = 0;  // of what wraps; 0: engine/ingest/cured_surface.h decides
   // Do sizes follow the surface's shape?
   bool follows_shape() const { return per_circle > 0 || deviation > 0 || layers > 0; }
   bool is_measured() const {

@@ -16,8 +16,9 @@ enum class Initialization : std::uint8_t {
 
 /// What is inside.
 enum class InsideRule : std::uint8_t {
-  kClosed = 0,  ///< What the surface encloses, which has to be closed.
-  kWinding = 1  ///< Where its winding number is above 1/2, whatever it is.
+  kClosed = 0,   ///< What the surface encloses, which has to be closed.
+  kWinding = 1,  ///< Where its winding number is above 1/2, whatever it is.
+  kWrap = 2      ///< What a new surface around it encloses, whatever it is.
 };
 
 }  // namespace locvol

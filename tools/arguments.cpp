@@ -139,10 +139,10 @@ Initialization parse_init(const std::string& text) {
 }
 
 InsideRule parse_inside(const std::string& text) {
-  for (const InsideRule inside : {InsideRule::kClosed, InsideRule::kWinding})
+  for (const InsideRule inside : {InsideRule::kClosed, InsideRule::kWinding, InsideRule::kWrap})
     if (inside_name(inside) == text) return inside;
   throw std::invalid_argument(fmt::format("'{}' does not tell what is inside: give {}", text,
-                                          fmt::join(kInsideNames, " or ")));
+                                          fmt::join(kInsideNames, ", ")));
 }
 
 std::string parse_shape(const std::string& text) {

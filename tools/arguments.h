@@ -34,7 +34,7 @@ int parse_threads(const std::string& text);
 // A whole number from 0 to 2^64 - 1.
 std::uint64_t parse_seed(const std::string& text);
 Initialization parse_init(const std::string& text);  // "cover" or "paper"
-InsideRule parse_inside(const std::string& text);    // "closed" or "winding"
+InsideRule parse_inside(const std::string& text);    // "closed", "winding" or "wrap"
 std::string parse_shape(const std::string& text);    // a name from shapes(), or kPolycrystal
 // Morton bits in hexadecimal, as key_text() prints them; "0x" may precede.
 MortonKey parse_key(const std::string& text);

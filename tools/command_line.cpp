@@ -70,6 +70,14 @@ void add_no_sharp(CLI::App& app, MeshOptions& options) {
       ->excludes(app.get_option("--sharp-angle"));
 }
 
+// A flag for a value that --inside has.
+void add_wrap(CLI::App& app, MeshOptions& options) {
+  app.add_flag_callback(
+         "--wrap", [&options] { options.inside = InsideRule::kWrap; },
+         "Mesh what a new surface encloses that wraps all triangles: as --inside wrap")
+      ->excludes(app.get_option("--inside"));
+}
+
 // A file that is read once the surface is known.
 void add_sharp(CLI::App& app, MeshOptions& options) {
   app.add_option(
@@ -268,6 +276,7 @@ void add_sizes(CLI::App& app, MeshOptions& options) {
       ->take_all();
   add_options(app, options, OptionGroup::kSurface);
   add_no_sharp(app, options);
+  add_wrap(app, options);
   add_sharp(app, options);
   add_bodies(app, options);
   add_surface_only(app, options);

@@ -85,6 +85,8 @@ Size chosen_size(const SurfaceSource& surface, const MeshOptions& options, std::
                                            .sharp_angle = options.sharp_angle,
                                            .sharp_polylines = options.sharp_polylines,
                                            .inside = options.inside,
+                                           .wrap_alpha = options.wrap_alpha,
+                                           .wrap_offset = options.wrap_offset,
                                            .memory_cap = cap},
                                           cap);
   const double size = survey.default_size();
@@ -415,6 +417,8 @@ int run_info(const InfoCommand& command) {
                       body_law(options.has_bodies, options.voids, options.more_inputs.size()),
                       options.gap,
                       options.inside,
+                      options.wrap_alpha,
+                      options.wrap_offset,
                       memory_cap(0)};
   const SurveyedSurface input = surveyed(surface, law, memory_cap(0));
   const SurfaceFacts& facts = input.facts;

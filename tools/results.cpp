@@ -385,6 +385,8 @@ std::string parameters_text(const RunParameters& parameters) {
   return row("size λ", "{}", parameters.size) + bodies_text(parameters) +
          (parameters.inside == InsideRule::kWinding
               ? row("inside is", "where the winding number is above 1/2")
+          : parameters.inside == InsideRule::kWrap
+              ? row("inside is", "what wraps the surface encloses")
               : "") +
          (parameters.is_surface_only ? row("mesh of", "the surface alone") : "") +
          row("leaf capacity κ", "{}", parameters.leaf_capacity) +

@@ -27,12 +27,11 @@ constexpr double kWrapTriangles = 16;             // times area over alpha²
 void require_memory(const std::string& file, const char* what, double bytes, std::uint64_t cap) {
   if (bytes <= static_cast<double>(cap)) return;
   const double mib = std::ceil(bytes / (1 << 20));
-  throw OverBudget(
-      fmt::format("{}: to {} it may take {:.0f} MiB of memory, but the cap is {} MiB; "
-                  "raise it, by --memory {:.0f}M{}",
-                  file, what, mib, cap >> 20, mib,
-                  std::string_view(what) == "wrap" ? ", or give a larger --alpha" : ""),
-      static_cast<std::uint64_t>(bytes));
+  throw OverBudget(fmt::format("{}: to {} it may take {:.0f} MiB of memory, but the cap is {} MiB; "
+                               "raise it, by --memory {:.0f}M{}",
+                               file, what, mib, cap >> 20, mib,
+                               std::string_view(what) == "wrap" ? ", or give a larger alpha" : ""),
+                   static_cast<std::uint64_t>(bytes));
 }
 
 // Those of the result, which has to be a surface that can be meshed.
@@ -93,15 +92,23 @@ CuredSurface repaired_surface(const SurfaceSource& source, const std::optional<S
   return cured;
 }
 
-CuredSurface wrapped_surface(const SurfaceSource& source, const std::optional<Size>& alpha,
-                             const std::optional<Size>& offset,
-                             const std::filesystem::path& directory, std::uint64_t cap,
-                             IngestWatch& watch, Workers& workers) {
+namespace {
+
+struct Wrapped {
+  CuredSurface cured;  // without facts
+  std::string digest;  // of the source
+};
+
+Wrapped wrapped(const SurfaceSource& source, const std::optional<Size>& alpha,
+                const std::optional<Size>& offset, const std::filesystem::path& directory,
+                std::uint64_t cap, IngestWatch& watch) {
   constexpr double kAlphaShare = 50, kOffsetShare = 30;
-  CuredSurface cured;
+  Wrapped result;
+  CuredSurface& cured = result.cured;
   LooseSurface before;
   {
     RawSurface raw = read_surface(source, directory, watch);
+    result.digest = raw.digest;
     cured.num_before = raw.num_triangles();
     cured.alpha = alpha ? absolute_size(*alpha, raw.box, "alpha")
                         : max_norm(raw.box.max - raw.box.min) / kAlphaShare;
@@ -121,11 +128,45 @@ CuredSurface wrapped_surface(const SurfaceSource& source, const std::optional<Si
   cured.surface = wrap_surface(before.vertices, before.triangles, cured.alpha, cured.offset);
   if (cured.surface.triangles.empty())
     throw InputError(
-        fmt::format("{}: wrapped with alpha {}, nothing is left of it; give a smaller "
-                    "--alpha",
+        fmt::format("{}: wrapped with alpha {}, nothing is left of it; give a smaller alpha",
                     source.name, cured.alpha));
+  return result;
+}
+
+std::optional<Size> unless_zero(const Size& size) {
+  return size.value == 0 ? std::nullopt : std::optional(size);
+}
+
+}  // namespace
+
+CuredSurface wrapped_surface(const SurfaceSource& source, const std::optional<Size>& alpha,
+                             const std::optional<Size>& offset,
+                             const std::filesystem::path& directory, std::uint64_t cap,
+                             IngestWatch& watch, Workers& workers) {
+  CuredSurface cured = wrapped(source, alpha, offset, directory, cap, watch).cured;
   cured.facts = check(source.name, cured, "wrapped", directory, watch, workers);
   return cured;
+}
+
+SurfaceSource source_to_mesh(const SurfaceSource& source, InsideRule inside, const WrapLaw& law,
+                             const std::filesystem::path& directory) {
+  if (inside != InsideRule::kWrap) return source;
+  SurfaceSource wrap = source;
+  wrap.file.clear();
+  wrap.parse = [source, law, directory](SurfaceSink& sink, const StopToken* stop) {
+    const StopSource asked([stop] { return stop != nullptr && stop->is_stopped(); });
+    IngestWatch watch(&asked, {});
+    const auto [cured, digest] = wrapped(source, unless_zero(law.alpha), unless_zero(law.offset),
+                                         existing_directory(directory), law.cap, watch);
+    sink.note(fmt::format("wrapped {} triangles, with alpha {:.4g} and offset {:.4g}",
+                          cured.num_before, cured.alpha, cured.offset));
+    const LooseSurface& s = cured.surface;
+    sink.announce(s.triangles.size());
+    for (const auto& [a, b, c] : s.triangles)
+      sink.facet({s.vertices[a], s.vertices[b], s.vertices[c]});
+    return digest;
+  };
+  return wrap;
 }
 
 // ---- Files

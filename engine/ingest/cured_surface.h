@@ -42,6 +42,17 @@ CuredSurface wrapped_surface(const SurfaceSource& source, const std::optional<Si
                              const std::filesystem::path& directory, std::uint64_t cap,
                              IngestWatch& watch, Workers& workers);
 
+// How a surface is wrapped that is to be meshed. Lengths of value 0: as of wrapped_surface().
+struct WrapLaw {
+  Size alpha = {}, offset = {};
+  std::uint64_t cap = 0;  // of memory
+};
+// What a run takes in: the source; or, if `inside` says so, what wraps it, which is made in memory
+// whenever it is parsed, and is one file to nobody. The digest is the source's. Then parse() throws
+// as wrapped_surface().
+SurfaceSource source_to_mesh(const SurfaceSource& source, InsideRule inside, const WrapLaw& law,
+                             const std::filesystem::path& directory);
+
 // As .stl (text, a solid for each group), .obj (a group for each) or .ply (binary, by numbers of
 // groups); coordinates with all their digits.
 void write_surface(const CuredSurface& surface, const std::filesystem::path& file);

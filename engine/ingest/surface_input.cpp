@@ -41,6 +41,14 @@ constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 constexpr double kNear = 1e-11;
 constexpr double kRoundedSteps = 2;  // √3, and room: both of two points may be rounded
 constexpr int kMostNearRounds = 10;
+// Of the longest side of the box: points at open edges that are closer become one before what is
+// open is closed.
+constexpr double kMostJoined = 1e-4;
+
+// Of the box, where winding numbers still tell what is inside.
+constexpr double kMostDoubt = 0.25;
+// What they take of so many triangles; see README.md.
+std::uint64_t winding_bytes(std::uint64_t num_triangles) { return 1200 * num_triangles; }
 constexpr std::uint64_t kFewChanges = 500;  // which may become more from round to round
 
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
@@ -127,8 +135,9 @@ class SurfacePreparation {
   void take_what_is_wound_around() {
     share_.require_whole();
     require_memory_for(raw_.num_triangles());
+    const double gap = weld_ ? 0 : kMostJoined * max_norm(raw_.box.max - raw_.box.min);
     const LooseSurface found = winding_surface(loose_surface(raw_.spill, raw_.triangles),
-                                               winding_.spacing, wound_, watch_.stop());
+                                               winding_.spacing, gap, wound_, watch_.stop());
     if (found.triangles.empty())
       refuse("its triangles wind around nothing: they are sheets{}", cured_by("wrap"));
     TriangleList list;
@@ -149,8 +158,7 @@ class SurfacePreparation {
   }
 
   void require_memory_for(std::uint64_t num_triangles) const {
-    constexpr std::uint64_t kBytes = 1200;  // of a triangle; see README.md
-    const std::uint64_t bytes = kBytes * num_triangles;
+    const std::uint64_t bytes = winding_bytes(num_triangles);
     if (bytes <= winding_.cap) return;
     throw OverBudget(
         fmt::format("{}: to find what its triangles wind around may take {} MiB of memory, but the "
@@ -593,6 +601,7 @@ class SurfacePreparation {
   // How the command makes a surface of it that can be meshed. It takes one file.
   std::string cured_by(std::string_view command) const {
     const bool is_file = raw_.file != kInMemory && raw_.file != kStandardInput;
+    if (winding_.inside == InsideRule::kWrap) return ", or give another --wrap-alpha";
     if (!is_file || !raw_.files.empty() || raw_.has_several_bodies) return "";
     constexpr std::string_view kPlain =
         "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._+-/";
@@ -602,13 +611,43 @@ class SurfacePreparation {
       for (const char c : file) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
       file = quoted + "'";
     }
+    const auto cure = [&](std::string_view name) {
+      return fmt::format(", or {} it: locvol {} {} -o {}.ply", name, name, file,
+                         name == "wrap" ? "wrapped" : "repaired");
+    };
+    if (has_winding())
+      return cure("wrap") + (wound_.doubt > 0
+                                 ? fmt::format(" (by winding numbers, {} of the box is in doubt)",
+                                               percent(wound_.doubt))
+                                 : "");
+    constexpr std::string_view kWinding =
+        ", or mesh what its triangles wind around: --inside winding";
+    const std::optional<double> doubt = doubt_of_winding();
     // What is mostly open has little inside.
-    const std::string_view winding =
-        has_winding() || is_mostly_open() || !is_orientable()
-            ? ""
-            : ", or mesh what its triangles wind around: --inside winding";
-    return fmt::format(", or {} it: locvol {} {} -o {}.ply{}", command, command, file,
-                       command == "wrap" ? "wrapped" : "repaired", winding);
+    if (!doubt)
+      return fmt::format("{}{}", cure(command),
+                         is_mostly_open() || !is_orientable() ? "" : kWinding);
+    if (*doubt > kMostDoubt)
+      return fmt::format("{} (by winding numbers, {} of the box would be in doubt)", cure("wrap"),
+                         percent(*doubt));
+    return fmt::format("{}{} ({} of the box is in doubt)", command == "repair" ? cure(command) : "",
+                       kWinding, percent(*doubt));
+  }
+
+  // Of what winding numbers would tell. Nothing: it would take more memory than the cap, or this is
+  // a part of the surface.
+  std::optional<double> doubt_of_winding() const {
+    if (!share_.range().is_all() || winding_bytes(findings_.num_triangles) > winding_.cap)
+      return std::nullopt;
+    std::vector<Triangle> triangles;
+    for (const TriangleBucket& bucket : buckets_.all()) {
+      const Box cell = buckets_.frame().box(bucket.cell);
+      for (const Triangle& t : raw_.spill.load(bucket.triangles))
+        if (owns_triangle(cell, t)) triangles.push_back(t);
+    }
+    std::ranges::sort(triangles, {}, &Triangle::id);
+    TriangleSoup soup = soup_of(triangles);
+    return winding_doubt({std::move(soup.vertices), std::move(soup.triangles), {}}, watch_.stop());
   }
 
   std::string about_bodies() const {
@@ -646,8 +685,12 @@ class SurfacePreparation {
   }
 
   void note_winding() {
-    if (wound_.num_turned + wound_.num_cut + wound_.num_holes == 0 && wound_.left_out_area == 0)
+    if (wound_.num_joined + wound_.num_turned + wound_.num_cut + wound_.num_holes == 0 &&
+        wound_.left_out_area == 0)
       return;
+    note(
+        "by winding numbers: joined {} with others up to " + rounded(wound_.largest_move) + " away",
+        wound_.num_joined, "point", "points");
     note("by winding numbers: turned {}", wound_.num_turned, "triangle", "triangles");
     note("by winding numbers: cut {} along others", wound_.num_cut, "triangle", "triangles");
     if (wound_.left_out_area >= 1e-9)
@@ -659,6 +702,10 @@ class SurfacePreparation {
           fmt::format("by winding numbers: closed {}, the largest of {}; that is {} of the area",
                       counted(wound_.num_holes, "hole", "holes"),
                       counted(wound_.largest_hole, "edge", "edges"), percent(wound_.closing_area)));
+    if (wound_.is_level)
+      notes_.push_back(
+          "by winding numbers: most of its triangles have no neighbors: the surface is where the "
+          "number is 1/2, at places λ apart");
     if (wound_.doubt > 0)
       notes_.push_back(
           fmt::format("by winding numbers: in doubt is {} of the box", percent(wound_.doubt)));

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "engine/ingest/cad_input.h"
+#include "engine/ingest/cured_surface.h"
 #include "engine/ingest/polyline_edges.h"
 #include "engine/ingest/polyline_file.h"
 #include "engine/ingest/sheet_plan.h"
@@ -27,9 +28,11 @@ void settle_faces(const SurfaceSource& source, SurveyLaw& law, const StopToken* 
 
 }  // namespace
 
-SurveyedSurface survey_surface(const SurfaceSource& source, const std::filesystem::path& directory,
+SurveyedSurface survey_surface(const SurfaceSource& given, const std::filesystem::path& directory,
                                IngestWatch& watch, Workers& workers, const SurveyLaw& asked) {
   SurveyLaw law = asked;
+  const SurfaceSource source = source_to_mesh(
+      given, law.inside, {law.wrap_alpha, law.wrap_offset, law.memory_cap}, directory);
   settle_faces(source, law, watch.stop());
   RawSurface raw = read_surface(source, directory, watch);
   SurveyedSurface survey;

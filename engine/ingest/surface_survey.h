@@ -24,6 +24,7 @@ struct SurveyLaw {
   BodyLaw bodies = {};                         // looked for if sheets are asked for
   Size gap = {};                               // see Options
   InsideRule inside = InsideRule::kClosed;
+  Size wrap_alpha = {}, wrap_offset = {};  // see Options
   std::uint64_t memory_cap = 0;
 };
 

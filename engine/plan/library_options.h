@@ -128,10 +128,16 @@ struct Options {
   Size gap = {};
   /// The mesh is the boundary alone: triangles, and no cells. All points lie on the surface.
   bool is_surface_only = false;
-  /// What is taken for the inside: InsideRule::kClosed, or kWinding. By winding numbers, triangles
-  /// of any kind can be meshed: holes close, what overlaps is united, and doubled and inner walls
-  /// vanish.
+  /// What is taken for the inside: InsideRule::kClosed, kWinding or kWrap. By winding numbers,
+  /// triangles of any kind can be meshed: holes close, what overlaps is united, and doubled and
+  /// inner walls vanish. Sheets, which enclose nothing, can be wrapped: a new surface goes around
+  /// all triangles.
   InsideRule inside = {};
+  /// Of what is wrapped: what a ball of this radius does not go through is bridged. A length; of
+  /// value 0: a 50th of the longest side of the bounding box.
+  Size wrap_alpha = {};
+  /// How far the new surface is from the triangles. A length; of value 0: a 30th of `wrap_alpha`.
+  Size wrap_offset = {};
   /// Initialization::kCover, or kPaper: one size everywhere, one body, and any dihedral angle
   /// unless one is asked for.
   Initialization init = {};

@@ -187,10 +187,25 @@ inline constexpr std::tuple kOptions{
     Option<&MeshOptions::inside, &RunParameters::inside>{
         {.name = {"--inside", "inside"},
          .group = OptionGroup::kSurface,
-         .help = {"closed|winding",
+         .help = {"closed|winding|wrap",
                   "Inside is what a closed surface encloses; or what triangles of any kind wind "
                   "around by more than half, so that holes close, what overlaps is united, and "
-                  "doubled and inner walls vanish (default: closed)"}}}};
+                  "doubled and inner walls vanish; or what a new surface encloses that wraps all "
+                  "triangles (default: closed)"}}},
+    Option<&MeshOptions::wrap_alpha, &RunParameters::wrap_alpha>{
+        {.name = {"--wrap-alpha", "wrap_alpha"},
+         .group = OptionGroup::kSurface,
+         .help = {"LENGTH",
+                  "With --inside wrap: bridge what a ball of this radius does not go through "
+                  "(default: a 50th of the longest side)"},
+         .noun = "wrap alpha"}},
+    Option<&MeshOptions::wrap_offset, &RunParameters::wrap_offset>{
+        {.name = {"--wrap-offset", "wrap_offset"},
+         .group = OptionGroup::kSurface,
+         .help = {"LENGTH",
+                  "With --inside wrap: how far the new surface is from the triangles (default: a "
+                  "30th of alpha)"},
+         .noun = "wrap offset"}}};
 
 // Calls visit(option) for each row, in order.
 template <class Visit>
@@ -216,7 +231,7 @@ inline std::string_view init_name(Initialization init) {
 }
 
 // What can be typed for --inside, by InsideRule.
-inline constexpr std::array<std::string_view, 2> kInsideNames = {"closed", "winding"};
+inline constexpr std::array<std::string_view, 3> kInsideNames = {"closed", "winding", "wrap"};
 inline std::string_view inside_name(InsideRule inside) {
   return kInsideNames[static_cast<std::size_t>(inside)];
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "engine/plan/octree_plan.h"
 #include "engine/plan/option_table.h"
@@ -203,8 +204,24 @@ void check_bodies(const RunRecord& run) {
     throw InputError(
         "winding numbers are of one body: leave --inside winding out, or give one file without "
         "--bodies");
+  if ((p.has_bodies || has_files) && p.inside == InsideRule::kWrap)
+    throw InputError(
+        "what is wrapped is one body: leave --wrap out, or give one file without --bodies");
   if ((p.has_bodies || has_files) && p.init == Initialization::kPaper)
     throw InputError("several bodies are meshed in cover mode only: give --init cover");
+}
+void check_wrap(const MeshOptions& options) {
+  for (const auto& [name, length] : {std::pair("--wrap-alpha", options.wrap_alpha),
+                                     std::pair("--wrap-offset", options.wrap_offset)}) {
+    if (length.value == 0) continue;
+    if (options.inside != InsideRule::kWrap)
+      throw InputError(fmt::format("{} says how a surface is wrapped: give --wrap, too", name));
+    if (length.is_percent)
+      throw InputError(
+          fmt::format("{} {}%: give a length; percentages are of the box of what is meshed, which "
+                      "is not known before the surface is wrapped",
+                      name, decimal(length.value)));
+  }
 }
 void check_surface_only(const RunParameters& p) {
   if (!p.is_surface_only) return;
@@ -269,6 +286,7 @@ RunRecord planned_run(const MeshOptions& options, const std::string& digest, con
     run.image_file = std::filesystem::absolute(options.size_image).string();
   if (!options.sharp_polylines.empty())
     run.sharp_file = std::filesystem::absolute(options.sharp_polylines).string();
+  check_wrap(options);
   RunParameters& parameters = run.parameters;
   parameters.input_digest = digest;
   for_each_given_option([&](const auto& option) {

@@ -149,20 +149,13 @@ void weld(LooseSurface& s, const RepairLaw& law, RepairChanges& changes) {
   });
   if (!(distance > 0)) return;
   sort_and_unite(open);
-  std::ranges::sort(open, {}, [&](std::uint32_t v) { return s.vertices[v]; });
-  DisjointSets groups(open.size());
-  std::vector<Point> points;
-  for (const std::uint32_t v : open) points.push_back(s.vertices[v]);
-  unite_near(points, distance, groups);
-  std::vector<std::uint32_t> becomes(s.vertices.size());
-  std::iota(becomes.begin(), becomes.end(), 0U);
-  for (std::uint32_t i = 0; i < open.size(); ++i) {
-    const std::uint32_t to = open[groups.find(i)];
-    if (to == open[i]) continue;
-    becomes[open[i]] = to;
+  const std::vector<std::uint32_t> becomes =
+      joined_near(s.vertices, open, distance, [](std::uint32_t, std::uint32_t) { return true; });
+  for (const std::uint32_t v : open) {
+    if (becomes[v] == v) continue;
     ++changes.num_joined;
     changes.largest_move =
-        std::max(changes.largest_move, norm(s.vertices[to] - s.vertices[open[i]]));
+        std::max(changes.largest_move, norm(s.vertices[becomes[v]] - s.vertices[v]));
   }
   if (changes.num_joined == 0) return;
   for (Face& t : s.triangles)

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
@@ -14,9 +15,10 @@
 
 namespace locvol {
 
-// Unites the places of points that are closer than the distance. REQUIRES: coordinates are below
-// 1e17 times the distance
-inline void unite_near(std::span<const Point> points, double distance, DisjointSets& sets) {
+// visit(i, j) for places i < j of points that are closer than the distance. REQUIRES: coordinates
+// are below 1e17 times the distance
+template <class Visit>
+void for_each_near(std::span<const Point> points, double distance, const Visit& visit) {
   // Each with those in the 27 cubes around it, as wide as the distance.
   using Cube = std::array<std::int64_t, 3>;
   std::vector<std::pair<Cube, std::uint32_t>> cubes;
@@ -38,8 +40,34 @@ inline void unite_near(std::span<const Point> points, double distance, DisjointS
              it->first[2] <= cube[2] + 1;
              ++it)
           if (it->second < i && norm(points[it->second] - points[i]) < distance)
-            sets.unite(it->second, i);
+            visit(it->second, i);
       }
+}
+
+// Unites these places. The same is required.
+inline void unite_near(std::span<const Point> points, double distance, DisjointSets& sets) {
+  for_each_near(points, distance, [&](std::uint32_t i, std::uint32_t j) { sets.unite(i, j); });
+}
+
+// What each vertex becomes where those of `some` that are closer than the distance, and
+// may_join(u, v), become one, also by way of others: the lexicographically smallest of them. The
+// same is required.
+template <class MayJoin>
+std::vector<std::uint32_t> joined_near(std::span<const Point> vertices,
+                                       std::vector<std::uint32_t> some, double distance,
+                                       const MayJoin& may_join) {
+  std::vector<std::uint32_t> becomes(vertices.size());
+  std::iota(becomes.begin(), becomes.end(), 0U);
+  if (some.empty()) return becomes;
+  std::ranges::sort(some, {}, [&](std::uint32_t v) { return vertices[v]; });
+  DisjointSets groups(some.size());
+  std::vector<Point> points;
+  for (const std::uint32_t v : some) points.push_back(vertices[v]);
+  for_each_near(points, distance, [&](std::uint32_t i, std::uint32_t j) {
+    if (may_join(some[i], some[j])) groups.unite(i, j);
+  });
+  for (std::uint32_t i = 0; i < some.size(); ++i) becomes[some[i]] = some[groups.find(i)];
+  return becomes;
 }
 
 }  // namespace locvol

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "octree/disjoint_sets.h"
+#include "octree/sort_and_unite.h"
+#include "refine/cure/near_points.h"
 #include "refine/domain/cut_triangle.h"
 #include "refine/domain/exact_predicates.h"
 #include "refine/winding/chain.h"
@@ -23,6 +25,39 @@ struct PatchNeighbor {
   bool is_turned = false;  // against it
   friend auto operator<=>(const PatchNeighbor&, const PatchNeighbor&) = default;
 };
+
+// Those that are closer than the gap, and than a tenth of the open edges at both.
+void join_open_points(Chain& chain, double gap, WindingChanges& changes) {
+  constexpr double kOfShortest = 0.1;
+  if (!(gap > 0)) return;
+  std::vector<std::uint32_t> open;
+  std::vector<double> reach(chain.vertices.size(), gap);
+  for_each_edge(edges_of(chain), [&](std::span<const ChainEdge> uses) {
+    if (uses.size() > 1) return;
+    for (const std::uint32_t v : {uses[0].low, uses[0].high}) {
+      open.push_back(v);
+      reach[v] = std::min(
+          reach[v], kOfShortest * norm(chain.vertices[uses[0].high] - chain.vertices[uses[0].low]));
+    }
+  });
+  sort_and_unite(open);
+  const std::vector<std::uint32_t> becomes =
+      joined_near(chain.vertices, open, gap, [&](std::uint32_t u, std::uint32_t v) {
+        return norm(chain.vertices[u] - chain.vertices[v]) < std::min(reach[u], reach[v]);
+      });
+  for (const std::uint32_t v : open) {
+    if (becomes[v] == v) continue;
+    ++changes.num_joined;
+    changes.largest_move =
+        std::max(changes.largest_move, norm(chain.vertices[becomes[v]] - chain.vertices[v]));
+  }
+  for (ChainTriangle& t : chain.triangles)
+    for (std::uint32_t& v : t.corners) v = becomes[v];
+  std::erase_if(chain.triangles, [](const ChainTriangle& t) {
+    const auto& [a, b, c] = t.corners;
+    return a == b || b == c || c == a;
+  });
+}
 
 // Triangles that hang together by edges of two get one orientation: that of most of their area.
 std::uint64_t orient_patches(Chain& chain) {
@@ -224,7 +259,7 @@ void drop_flat_parts(Chain& chain) {
   std::erase_if(chain.triangles, [](const ChainTriangle& t) { return t.times == 0; });
 }
 
-double doubt_of(const Chain& chain, const WindingNumber& number) {
+double doubt_of(const Chain& chain, const WindingNumber& number, const StopToken* stop) {
   if (number.open().empty()) return 0;
   constexpr int kAlong = 24;
   constexpr double kNear = 0.1;
@@ -233,22 +268,20 @@ double doubt_of(const Chain& chain, const WindingNumber& number) {
     for (const Point& p : chain.points_of(t)) box = box.joined(p);
   const Point step = (1.0 / kAlong) * (box.max - box.min);
   int num = 0;
+  StopPoll poll(stop);
   for (int i = 0; i < kAlong; ++i)
     for (int j = 0; j < kAlong; ++j)
       for (int k = 0; k < kAlong; ++k) {
-        const double its =
-            number.at(box.min + Point{(i + 0.5) * step.x, (j + 0.5) * step.y, (k + 0.5) * step.z});
+        poll();
+        const double its = number.roughly_at(
+            box.min + Point{(i + 0.5) * step.x, (j + 0.5) * step.y, (k + 0.5) * step.z});
         num += std::abs(its - std::round(its)) > kNear;
       }
   return num / static_cast<double>(kAlong * kAlong * kAlong);
 }
 
-}  // namespace
-
-LooseSurface winding_surface(const LooseSurface& surface, double spacing, WindingChanges& changes,
-                             const StopToken* stop) {
-  constexpr int kMostRounds = 4;   // what rounding does to cuts is cut again
-  constexpr double kNear = 1e-10;  // of the largest coordinate: what rounding may part
+// Without what has no area.
+Chain chain_of(const LooseSurface& surface) {
   Chain chain{surface.vertices, {}};
   for (std::size_t t = 0; t < surface.triangles.size(); ++t) {
     const auto& [a, b, c] = surface.triangles[t];
@@ -258,12 +291,38 @@ LooseSurface winding_surface(const LooseSurface& surface, double spacing, Windin
     chain.triangles.push_back(
         {surface.triangles[t], 1, surface.groups.empty() ? SheetId{1} : surface.groups[t]});
   }
+  return chain;
+}
+
+}  // namespace
+
+double winding_doubt(const LooseSurface& surface, const StopToken* stop) {
+  Chain chain = chain_of(surface);
+  orient_patches(chain);
+  unite_equal(chain);
+  if (chain.triangles.empty()) return 0;
+  throw_if_stopped(stop);
+  return doubt_of(chain, WindingNumber(chain), stop);
+}
+
+LooseSurface winding_surface(const LooseSurface& surface, double spacing, double gap,
+                             WindingChanges& changes, const StopToken* stop) {
+  constexpr int kMostRounds = 4;   // what rounding does to cuts is cut again
+  constexpr double kNear = 1e-10;  // of the largest coordinate: what rounding may part
+  Chain chain = chain_of(surface);
+  join_open_points(chain, gap, changes);
   changes.num_turned = orient_patches(chain);
   turn_outwards(chain, changes);
   const double all_area = chain.area();
   double largest = 0;
   for (const Point& p : chain.vertices) largest = std::max(largest, max_norm(p));
   const double near = kNear * largest;
+  changes.is_level = !chain.triangles.empty() && is_mostly_islands(chain, spacing);
+  if (changes.is_level) {
+    const WindingNumber number(chain);
+    changes.doubt = doubt_of(chain, number, stop);
+    chain = level_surface(chain, number, spacing, stop);
+  }
   std::size_t num_closed = 0;
   for (int round = 0; round < kMostRounds; ++round) {
     snap(chain, near);
@@ -275,14 +334,16 @@ LooseSurface winding_surface(const LooseSurface& surface, double spacing, Windin
     {
       const WindingNumber number(chain);
       throw_if_stopped(stop);
-      if (round == 0 && !chain.triangles.empty()) changes.doubt = doubt_of(chain, number);
+      if (round == 0 && !changes.is_level && !chain.triangles.empty())
+        changes.doubt = doubt_of(chain, number, stop);
       keep_where_label_changes(chain, number, near, stop);
       if (chain.triangles.empty()) break;
-      if (round == 0) changes.left_out_area = std::max(0.0, 1 - chain.area() / all_area);
+      if (round == 0 && !changes.is_level)
+        changes.left_out_area = std::max(0.0, 1 - chain.area() / all_area);
       num_open = open_edges(chain).size();
       if (num_open > 0) {
         const PatchCounts counts =
-            round == 0 ? close_by_level(chain, number, spacing, stop) : close_by_loops(chain);
+            round == 0 ? close_by_level(chain, spacing, stop) : close_by_loops(chain);
         if (round == 0) {
           changes.num_holes = counts.num_holes;
           changes.largest_hole = counts.largest_hole;

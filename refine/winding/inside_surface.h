@@ -15,6 +15,10 @@
 namespace locvol {
 
 struct WindingChanges {
+  std::uint64_t num_joined = 0;  // points at open edges that became others
+  double largest_move = 0;       // of these
+  // Triangles without neighbors are no part of the surface, which is where the number is 1/2.
+  bool is_level = false;
   std::uint64_t num_turned = 0;  // triangles, against most of their patch, or all against them
   std::uint64_t num_cut = 0;     // along others
   double left_out_area = 0;      // inside or outside on both sides, over all area
@@ -28,9 +32,13 @@ struct WindingChanges {
 // A closed surface: each edge is in an even number of triangles, and they face away from what is
 // inside; where rounding does not let it close, some edges stay open. It may meet itself as much
 // as rounding does. Groups of what closes holes are those around
-// them. `spacing`: holes more than three times as wide get vertices as far apart. No triangles:
-// nothing is inside. Throws Stopped.
-LooseSurface winding_surface(const LooseSurface& surface, double spacing, WindingChanges& changes,
-                             const StopToken* stop);
+// them. `spacing`: holes more than three times as wide get vertices as far apart. `gap`:
+// points at open edges that are closer become one, unless that is more than a tenth of such edges
+// at them. No triangles: nothing is inside. Throws Stopped.
+LooseSurface winding_surface(const LooseSurface& surface, double spacing, double gap,
+                             WindingChanges& changes, const StopToken* stop);
+
+// WindingChanges::doubt alone, in a part of the time. Of no triangles, 0. Throws Stopped.
+double winding_doubt(const LooseSurface& surface, const StopToken* stop);
 
 }  // namespace locvol

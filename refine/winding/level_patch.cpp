@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <optional>
 #include <queue>
 #include <set>
@@ -24,54 +26,27 @@
 namespace locvol {
 namespace {
 
+constexpr double kWide = 3;  // of holes and pieces, times the spacing
+
 using Face = std::array<std::uint32_t, 3>;
 using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller first
 
 Edge edge_of(std::uint32_t a, std::uint32_t b) { return {std::min(a, b), std::max(a, b)}; }
 
-// Connected parts of open edges.
-struct Holes {
-  std::map<std::uint32_t, std::uint32_t> part_of;  // by vertex
-  struct Part {
-    Box box;
-    std::uint64_t num_edges = 0;
-    double extent() const { return max_norm(box.max - box.min); }
-  };
-  std::vector<Part> parts;
+double extent_of(std::span<const Point> points) {
+  Box box = Box::around(points[0]);
+  for (const Point& p : points) box = box.joined(p);
+  return max_norm(box.max - box.min);
+}
 
-  Holes(const Chain& chain, std::span<const OpenEdge> edges) {
-    std::vector<std::uint32_t> vertices;
-    for (const OpenEdge& e : edges) vertices.insert(vertices.end(), {e.from, e.to});
-    sort_and_unite(vertices);
-    const auto place = [&](std::uint32_t v) {
-      return static_cast<std::size_t>(std::ranges::lower_bound(vertices, v) - vertices.begin());
-    };
-    DisjointSets sets(vertices.size());
-    for (const OpenEdge& e : edges) sets.unite(place(e.from), place(e.to));
-    std::map<std::size_t, std::uint32_t> numbers;
-    for (std::size_t i = 0; i < vertices.size(); ++i) {
-      const auto [number, is_new] =
-          numbers.emplace(sets.find(i), static_cast<std::uint32_t>(parts.size()));
-      const Point& p = chain.vertices[vertices[i]];
-      if (is_new) parts.push_back({Box::around(p)});
-      Part& part = parts[number->second];
-      part.box = part.box.joined(p);
-      part_of.emplace(vertices[i], number->second);
-    }
-    for (const OpenEdge& e : edges) ++parts[part_of.at(e.from)].num_edges;
-  }
-  const Part& of(const OpenEdge& e) const { return parts[part_of.at(e.from)]; }
-};
-
-// Halves edges of wide holes that are longer than the spacing, with their triangles.
-void halve_open_edges(Chain& chain, double spacing, double least_extent) {
+// Halves open edges that are longer than the spacing, with their triangles.
+void halve_open_edges(Chain& chain, double spacing) {
   for (;;) {
     const std::vector<OpenEdge> open = open_edges(chain);
-    const Holes holes(chain, open);
     std::map<Edge, std::uint32_t> middles;
     for (const OpenEdge& e : open) {
       const Point &p = chain.vertices[e.from], &q = chain.vertices[e.to];
-      if (holes.of(e).extent() < least_extent || norm(q - p) <= spacing) continue;
+      if (norm(q - p) <= spacing) continue;
       const Point middle = 0.5 * (p + q);
       if (middle == p || middle == q) continue;
       middles.emplace(edge_of(e.from, e.to), static_cast<std::uint32_t>(chain.vertices.size()));
@@ -225,9 +200,11 @@ std::size_t turn_needles(std::span<const Point> points, std::vector<Face>& filli
   return needles.size();
 }
 
-// Fills loops; triangles have the groups of the edges that they begin at. Where an edge across a
-// loop is there already, four triangles would share it: that loop gets a vertex in its middle.
-void fill_loops(Chain& chain, std::span<const OpenEdge> open) {
+// Fills loops, but for those whose filling is_left(points, filling); triangles have the groups of
+// the edges that they begin at. Where an edge across a loop is there already, four triangles would
+// share it: that loop gets a vertex in its middle.
+template <class IsLeft>
+void fill_loops(Chain& chain, std::span<const OpenEdge> open, const IsLeft& is_left) {
   std::vector<OpenEdge> back(open.begin(), open.end());
   for (OpenEdge& e : back) std::swap(e.from, e.to);
   std::set<Edge> there;
@@ -250,6 +227,7 @@ void fill_loops(Chain& chain, std::span<const OpenEdge> open) {
       return edge_of(back[loop[a]].from, back[loop[b]].from);
     };
     std::vector<Face> filling = triangles_in_loop(points, beyond);
+    if (is_left(points, filling)) continue;
     std::size_t num_needles = turn_needles(points, filling);
     const bool is_fan = filling.empty() || std::ranges::any_of(filling, [&](const Face& t) {
                           for (std::size_t k = 0; k < 3; ++k) {
@@ -280,6 +258,21 @@ void fill_loops(Chain& chain, std::span<const OpenEdge> open) {
   }
 }
 
+void fill_all_loops(Chain& chain) {
+  fill_loops(chain, open_edges(chain),
+             [](std::span<const Point>, std::span<const Face>) { return false; });
+}
+
+// Is the number nearly 1/2 along all triangles? Then they lie about where the level does.
+bool is_near_level(std::span<const Point> points, std::span<const Face> filling,
+                   const WindingNumber& number) {
+  constexpr double kNear = 0.2;
+  return std::ranges::all_of(filling, [&](const Face& t) {
+    const Point middle = (1.0 / 3) * (points[t[0]] + points[t[1]] + points[t[2]]);
+    return std::abs(number.at(middle) - 0.5) < kNear;
+  });
+}
+
 // ---- The level set on a grid
 
 // A node of the grid.
@@ -297,21 +290,23 @@ struct HashOfNode {
 
 class LevelPatch {
  public:
-  LevelPatch(Chain& kept, const WindingNumber& number, double spacing, const StopToken* stop)
-      : kept_(kept), number_(number), spacing_(spacing), poll_(stop) {
+  enum class Precision { kFine, kRough };  // the latter to some hundredths of the spacing
+
+  LevelPatch(Chain& kept, const WindingNumber& number, double spacing, Precision precision,
+             const StopToken* stop)
+      : kept_(kept), number_(number), spacing_(spacing), precision_(precision), poll_(stop) {
     for (std::uint32_t t = 0; t < kept.triangles.size(); ++t)
       triangles_.push_back({.id = t, .corners = kept.points_of(kept.triangles[t])});
     tree_.emplace_back(kept.vertices, kept.corners());
   }
 
-  // Around these vertices of the chain, on which the patch ends.
-  void build(std::span<const std::uint32_t> rim) {
+  // Around these places. `rim`: vertices of the chain on which the patch ends
+  void build(std::span<const std::uint32_t> rim, std::span<const Point> around) {
     std::vector<Box> boxes;
     for (const std::uint32_t v : rim) boxes.push_back(Box::around(kept_.vertices[v]));
     rim_.assign(rim.begin(), rim.end());
     rim_tree_ = BoxTree(std::move(boxes));
-    for (const std::uint32_t v : rim) {
-      const Point& p = kept_.vertices[v];
+    for (const Point& p : around) {
       const auto at = [&](double x, double aside) {
         return static_cast<std::int32_t>(std::floor(x / spacing_ - aside));
       };
@@ -344,7 +339,10 @@ class LevelPatch {
   Point place(const Node& n) const {
     return spacing_ * Point{n.i + kAside.x, n.j + kAside.y, n.k + kAside.z};
   }
-  bool is_inside(const Point& p) const { return number_.at(p) > kLeastInside; }
+  double number_at(const Point& p) const {
+    return precision_ == Precision::kFine ? number_.at(p) : number_.roughly_at(p);
+  }
+  bool is_inside(const Point& p) const { return number_at(p) > kLeastInside; }
   bool is_inside(const Node& n) {
     const auto [known, is_new] = inside_.emplace(n, false);
     if (is_new) known->second = is_inside(place(n));
@@ -466,17 +464,17 @@ class LevelPatch {
     return {nearest_on_rim(at(hits.front().t)), false};
   }
 
-  // Where the number passes 1/2, to a thousandth of the way: by false position, whose older end
-  // counts half (Dowell, Jarratt: the Illinois algorithm, 1971).
+  // Where the number passes 1/2, to a thousandth of the way, or roughly: by false position, whose
+  // older end counts half (Dowell, Jarratt: the Illinois algorithm, 1971).
   Point level_between(const Point& p, const Point& q, bool is_p_inside) {
-    constexpr int kMostSteps = 12;
-    constexpr double kLeast = 1e-3;
+    const int most_steps = precision_ == Precision::kFine ? 12 : 5;
+    const double least = precision_ == Precision::kFine ? 1e-3 : 0.03;
     // At the ends triangles may be: what counts there is the side.
     double low = 0, high = 1, at_low = is_p_inside ? 0.5 : -0.5, at_high = -at_low, t = 0.5;
     const Point d = q - p;
     int last = 0;
-    for (int n = 0; n < kMostSteps && high - low > kLeast; ++n) {
-      const double its = std::clamp(number_.at(p + t * d) - 0.5, -0.5, 0.5);
+    for (int n = 0; n < most_steps && high - low > least; ++n) {
+      const double its = std::clamp(number_at(p + t * d) - 0.5, -0.5, 0.5);
       const bool is_low = (its > 0) == is_p_inside;
       if (is_low) {
         low = t;
@@ -490,7 +488,7 @@ class LevelPatch {
       last = is_low ? 1 : -1;
       const double next = at_low == at_high ? 0.5 : at_low / (at_low - at_high);
       t = low + std::clamp(next, 0.05, 0.95) * (high - low);
-      if (std::abs(its) < kLeast) break;
+      if (std::abs(its) < least) break;
     }
     return p + t * d;
   }
@@ -514,6 +512,7 @@ class LevelPatch {
     for (const auto& [node, group] : groups_) {
       const Point p = (1.0 / group.num) * group.sum;
       kept_.vertices[group.vertex] = p;
+      if (rim_.empty()) continue;
       const std::uint32_t rim = nearest_on_rim(p);
       if (norm(kept_.vertices[rim] - p) < kBeside * spacing_) becomes.emplace(group.vertex, rim);
     }
@@ -544,10 +543,11 @@ class LevelPatch {
   Chain& kept_;
   const WindingNumber& number_;
   double spacing_;
+  Precision precision_;
   StopPoll poll_;
   std::vector<Triangle> triangles_;
   std::vector<TriangleTree> tree_;  // one
-  std::vector<std::uint32_t> rim_;
+  std::vector<std::uint32_t> rim_;  // none: there are no triangles
   BoxTree rim_tree_;
   std::unordered_map<Node, bool, HashOfNode> inside_;
   std::set<Node> asked_;
@@ -557,8 +557,8 @@ class LevelPatch {
   std::vector<ChainTriangle> patch_;
 };
 
-void give_groups(Chain& chain, std::size_t first) {
-  std::map<Edge, SheetId> known;
+// From place `first` on, those of neighbors; `otherwise`: of those that have none.
+void give_groups(Chain& chain, std::size_t first, SheetId otherwise) {
   const auto edges_of = [](const Face& t) {
     return std::array{edge_of(t[0], t[1]), edge_of(t[1], t[2]), edge_of(t[2], t[0])};
   };
@@ -582,17 +582,53 @@ void give_groups(Chain& chain, std::size_t first) {
     for (const Edge& e : edges_of(chain.triangles[next.front()].corners))
       for (const std::size_t other : of_edge[e]) give(other, chain.triangles[next.front()].group);
   for (std::size_t t = first; t < chain.triangles.size(); ++t)
-    if (chain.triangles[t].group == 0 && first > 0)
-      chain.triangles[t].group = chain.triangles[0].group;
+    if (chain.triangles[t].group == 0) chain.triangles[t].group = otherwise;
 }
 
 PatchCounts counts_of(const Chain& chain, std::span<const OpenEdge> open) {
   PatchCounts counts;
-  const Holes holes(chain, open);
-  counts.num_holes = holes.parts.size();
-  for (const Holes::Part& part : holes.parts)
-    counts.largest_hole = std::max(counts.largest_hole, part.num_edges);
+  for (const std::vector<std::uint32_t>& loop : loops_of(open, chain.vertices.size())) {
+    ++counts.num_holes;
+    counts.largest_hole = std::max(counts.largest_hole, std::uint64_t{loop.size()});
+  }
   return counts;
+}
+
+// Pieces that are narrower than `most`, or of fewer triangles than `few`, and have so long a border
+// that they bound nothing: a closed curve of length L bounds at least no area of L²/4π. Around them
+// more is missing than is there.
+std::vector<bool> islands_of(const Chain& chain, double most, std::size_t few) {
+  struct Piece {
+    Box box;
+    std::size_t num = 0;
+    double area = 0, border = 0;
+  };
+  DisjointSets pieces(chain.triangles.size());
+  const std::vector<ChainEdge> edges = edges_of(chain);
+  for_each_edge(edges, [&](std::span<const ChainEdge> uses) {
+    for (const ChainEdge& use : uses) pieces.unite(use.triangle, uses[0].triangle);
+  });
+  std::map<std::size_t, Piece> found;
+  for (std::size_t t = 0; t < chain.triangles.size(); ++t) {
+    const std::array<Point, 3> corners = chain.points_of(chain.triangles[t]);
+    Piece& piece = found.try_emplace(pieces.find(t), Piece{Box::around(corners[0])}).first->second;
+    for (const Point& p : corners) piece.box = piece.box.joined(p);
+    ++piece.num;
+    piece.area += 0.5 * norm(chain.normal_of(chain.triangles[t]));
+  }
+  for_each_edge(edges, [&](std::span<const ChainEdge> uses) {
+    if (uses.size() == 1)
+      found.at(pieces.find(uses[0].triangle)).border +=
+          norm(chain.vertices[uses[0].high] - chain.vertices[uses[0].low]);
+  });
+  std::vector<bool> islands(chain.triangles.size());
+  for (std::size_t t = 0; t < islands.size(); ++t) {
+    const Piece& piece = found.at(pieces.find(t));
+    islands[t] = piece.border > 0 &&
+                 (piece.num < few || max_norm(piece.box.max - piece.box.min) < most) &&
+                 piece.border * piece.border >= 4 * std::numbers::pi * piece.area;
+  }
+  return islands;
 }
 
 void add_area(const Chain& chain, std::size_t first, PatchCounts& counts) {
@@ -603,31 +639,65 @@ void add_area(const Chain& chain, std::size_t first, PatchCounts& counts) {
 }  // namespace
 
 PatchCounts close_by_loops(Chain& chain) {
-  const std::vector<OpenEdge> open = open_edges(chain);
-  PatchCounts counts = counts_of(chain, open);
+  PatchCounts counts = counts_of(chain, open_edges(chain));
   const std::size_t first = chain.triangles.size();
-  fill_loops(chain, open);
+  fill_all_loops(chain);
   add_area(chain, first, counts);
   return counts;
 }
 
-PatchCounts close_by_level(Chain& kept, const WindingNumber& number, double spacing,
-                           const StopToken* stop) {
-  constexpr double kWide = 3;  // times the spacing
+PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
+  constexpr std::size_t kMostWideEdges = 300;  // of a wide hole that is filled
   PatchCounts counts = counts_of(kept, open_edges(kept));
-  halve_open_edges(kept, spacing, kWide * spacing);
+  std::erase_if(kept.triangles,
+                [&, islands = islands_of(kept, kWide * spacing, 0),
+                 t = std::size_t{0}](const ChainTriangle&) mutable { return islands[t++]; });
+  const SheetId group = kept.triangles.empty() ? 0 : kept.triangles.front().group;
+  const std::size_t first_filling = kept.triangles.size();
+  {
+    const WindingNumber number(kept);
+    fill_loops(kept, open_edges(kept),
+               [&](std::span<const Point> points, std::span<const Face> filling) {
+                 return extent_of(points) >= kWide * spacing &&
+                        (points.size() > kMostWideEdges || filling.empty() ||
+                         !is_near_level(points, filling, number));
+               });
+  }
+  add_area(kept, first_filling, counts);
+  halve_open_edges(kept, spacing);
   const std::size_t first = kept.triangles.size();
-  const std::vector<OpenEdge> open = open_edges(kept);
-  const Holes holes(kept, open);
   std::vector<std::uint32_t> rim;
-  for (const OpenEdge& e : open)
-    if (holes.of(e).extent() >= kWide * spacing) rim.insert(rim.end(), {e.from, e.to});
+  for (const OpenEdge& e : open_edges(kept)) rim.insert(rim.end(), {e.from, e.to});
+  if (rim.empty()) return counts;
   sort_and_unite(rim);
-  if (!rim.empty()) LevelPatch(kept, number, spacing, stop).build(rim);
-  fill_loops(kept, open_edges(kept));
-  give_groups(kept, first);
+  std::vector<Point> around;
+  for (const std::uint32_t v : rim) around.push_back(kept.vertices[v]);
+  LevelPatch(kept, WindingNumber(kept), spacing, LevelPatch::Precision::kFine, stop)
+      .build(rim, around);
+  fill_all_loops(kept);
+  give_groups(kept, first, group);
   add_area(kept, first, counts);
   return counts;
+}
+
+bool is_mostly_islands(const Chain& chain, double spacing) {
+  constexpr double kMost = 0.3;  // of the area
+  constexpr std::size_t kFew = 10;
+  const std::vector<bool> islands = islands_of(chain, kWide * spacing, kFew);
+  double area = 0;
+  for (std::size_t t = 0; t < islands.size(); ++t)
+    if (islands[t]) area += 0.5 * norm(chain.normal_of(chain.triangles[t]));
+  return area > kMost * chain.area();
+}
+
+Chain level_surface(const Chain& chain, const WindingNumber& number, double spacing,
+                    const StopToken* stop) {
+  Chain level;
+  std::vector<Point> around;
+  for (const OpenEdge& e : number.open()) around.push_back(chain.vertices[e.from]);
+  LevelPatch(level, number, spacing, LevelPatch::Precision::kRough, stop).build({}, around);
+  give_groups(level, 0, chain.triangles.front().group);
+  return level;
 }
 
 }  // namespace locvol

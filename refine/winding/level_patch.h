@@ -10,17 +10,28 @@
 namespace locvol {
 
 struct PatchCounts {
-  std::uint64_t num_holes = 0;     // connected parts of open edges
+  std::uint64_t num_holes = 0;     // loops of open edges
   std::uint64_t largest_hole = 0;  // edges of it
   double area = 0;                 // of what closes them
 };
 
-// Closes the open edges of `kept`, whose triangles bound what is inside `number` at 1/2: holes that
-// are wide by the level set on a grid of that spacing (by marching tetrahedra), the others, and
-// what is left between grid and edges, by triangles without new vertices. Open edges are halved to
-// the spacing. Afterwards the chain is closed. Throws Stopped.
-PatchCounts close_by_level(Chain& kept, const WindingNumber& number, double spacing,
-                           const StopToken* stop);
+// Closes the open edges of what bounds something but for its holes.
+//   - Pieces that are narrower than three times the spacing, and bound nothing, go.
+//   - A hole is filled by triangles without new vertices if it is as narrow; a wider one if they
+//   lie
+//     where the winding number is nearly 1/2.
+//   - Over the others goes the level 1/2, on a grid of that spacing (by marching tetrahedra). Open
+//     edges are halved to the spacing, and what is left between grid and edges is filled.
+// Afterwards the chain is closed. Throws Stopped.
+PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop);
+
+// Is it mostly made of such pieces, or of wider ones of few triangles, as triangles without
+// neighbors are?
+bool is_mostly_islands(const Chain& chain, double spacing);
+// Then this is all there is: the level 1/2, closed, on such a grid. `number`: of the chain. Throws
+// Stopped.
+Chain level_surface(const Chain& chain, const WindingNumber& number, double spacing,
+                    const StopToken* stop);
 
 // Closes open edges by triangles without new vertices alone.
 PatchCounts close_by_loops(Chain& chain);

@@ -3,11 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <numbers>
-#include <numeric>
 
-#include "octree/disjoint_sets.h"
 #include "refine/domain/exact_predicates.h"
 
 namespace locvol {
@@ -38,31 +35,17 @@ double solid_angle(const Point& p, const std::array<Point, 3>& t) {
 
 }  // namespace
 
-// Each connected part of the edges gets an apex beside the middle of its box: on a plane hole's
-// plane cones would lie on what is there.
+// Each loop of edges gets an apex beside the middle of its box: on a plane hole's plane cones would
+// lie on what is there.
 Cones::Cones(const Chain& chain, std::span<const OpenEdge> edges) {
   if (edges.empty()) return;
-  std::map<std::uint32_t, std::uint32_t> number;
-  for (const OpenEdge& e : edges)
-    for (const std::uint32_t v : {e.from, e.to}) number.emplace(v, 0);
-  std::uint32_t next = 0;
-  for (auto& [vertex, its] : number) its = next++;
-  DisjointSets parts(number.size());
-  for (const OpenEdge& e : edges) parts.unite(number.at(e.from), number.at(e.to));
-  std::vector<Box> boxes(number.size());
-  std::vector<bool> has_box(number.size());
-  for (const auto& [vertex, its] : number) {
-    const std::size_t part = parts.find(its);
-    const Point& p = chain.vertices[vertex];
-    boxes[part] = has_box[part] ? boxes[part].joined(p) : Box::around(p);
-    has_box[part] = true;
-  }
-  for (const OpenEdge& e : edges) {
-    const Box& box = boxes[parts.find(number.at(e.from))];
-    const Point sides = box.max - box.min;
-    const double extent = max_norm(sides);
+  for (const std::vector<std::uint32_t>& loop : loops_of(edges, chain.vertices.size())) {
+    Box box = Box::around(chain.vertices[edges[loop[0]].from]);
+    for (const std::uint32_t i : loop) box = box.joined(chain.vertices[edges[i].from]);
+    const double extent = max_norm(box.max - box.min);
     const Point apex = box.center() + Point{0.0618 * extent, 0.0414 * extent, 0.0732 * extent};
-    cones_.push_back({{chain.vertices[e.to], chain.vertices[e.from], apex}, e.times});
+    for (const std::uint32_t i : loop)
+      cones_.push_back({chain.vertices[edges[i].to], chain.vertices[edges[i].from], apex});
   }
   build(0, static_cast<std::uint32_t>(cones_.size()));
 }
@@ -76,31 +59,28 @@ std::uint32_t Cones::build(std::uint32_t begin, std::uint32_t end) {
   node.end = end;
   double area = 0;
   Point sum;
-  Box box = Box::around(cones_[begin].corners[0]);
+  Box box = Box::around(cones_[begin][0]);
   for (std::uint32_t i = begin; i < end; ++i) {
-    const auto& [corners, times] = cones_[i];
+    const Cone& corners = cones_[i];
     const Point vector = area_of(corners);
-    const double weight = std::abs(times) * norm(vector);
+    const double weight = norm(vector);
     const Point center = 1.0 / 3 * (corners[0] + corners[1] + corners[2]);
-    node.moment = node.moment + times * vector;
+    node.moment = node.moment + vector;
     sum = sum + weight * center;
     area += weight;
     box = box.joined(center);
   }
   node.center = area > 0 ? (1 / area) * sum : box.center();
   for (std::uint32_t i = begin; i < end; ++i)
-    for (const Point& p : cones_[i].corners)
-      node.radius = std::max(node.radius, norm(p - node.center));
+    for (const Point& p : cones_[i]) node.radius = std::max(node.radius, norm(p - node.center));
   if (end - begin > kInLeaf) {
     const Point sides = box.max - box.min;
     const int axis = sides.x >= sides.y && sides.x >= sides.z ? 0 : sides.y >= sides.z ? 1 : 2;
     const std::uint32_t middle = begin + (end - begin) / 2;
     const auto place = [&](std::uint32_t i) { return cones_.begin() + std::ptrdiff_t{i}; };
     std::nth_element(place(begin), place(middle), place(end), [&](const Cone& a, const Cone& b) {
-      const auto key = [&](const Cone& c) {
-        return c.corners[0][axis] + c.corners[1][axis] + c.corners[2][axis];
-      };
-      return key(a) != key(b) ? key(a) < key(b) : a.corners < b.corners;
+      const auto key = [&](const Cone& c) { return c[0][axis] + c[1][axis] + c[2][axis]; };
+      return key(a) != key(b) ? key(a) < key(b) : a < b;
     });
     build(begin, middle);
     node.second = build(middle, end);
@@ -121,8 +101,7 @@ double Cones::angle_of(const Node& node, const Point& p, double far) const {
   if (node.second != 0)
     return angle_of(*(&node + 1), p, far) + angle_of(nodes_[node.second], p, far);
   double sum = 0;
-  for (std::uint32_t i = node.begin; i < node.end; ++i)
-    sum += cones_[i].times * solid_angle(p, cones_[i].corners);
+  for (std::uint32_t i = node.begin; i < node.end; ++i) sum += solid_angle(p, cones_[i]);
   return sum;
 }
 
@@ -132,8 +111,8 @@ WindingNumber::WindingNumber(const Chain& chain) : open_(open_edges(chain)), con
     times_.push_back(t.times);
   }
   for (const Cones::Cone& cone : cones_.all()) {
-    triangles_.push_back({.corners = cone.corners});
-    times_.push_back(cone.times);
+    triangles_.push_back({.corners = cone});
+    times_.push_back(1);
   }
   std::vector<Point> vertices;
   std::vector<std::array<std::uint32_t, 3>> corners;

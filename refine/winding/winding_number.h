@@ -35,10 +35,7 @@ class Cones {
   Cones() = default;
   Cones(const Chain& chain, std::span<const OpenEdge> edges);
 
-  struct Cone {
-    std::array<Point, 3> corners;
-    std::int32_t times = 1;
-  };
+  using Cone = std::array<Point, 3>;
   const std::vector<Cone>& all() const { return cones_; }
   // The sum of their solid angles seen from p, over 4π. What is `far`, in radii, is seen as one.
   double angle_at(const Point& p, double far) const;
@@ -62,13 +59,15 @@ class WindingNumber {
   explicit WindingNumber(const Chain& chain);
 
   double at(const Point& p) const { return whole_at(p) - cones_.angle_at(p, kFar); }
+  // To some hundredths, in a fraction of the time where much is open.
+  double roughly_at(const Point& p) const { return whole_at(p) - cones_.angle_at(p, kRough); }
   // In its middle. `triangle`: its place in the chain
   BesideNumbers beside(std::size_t triangle) const;
   const std::vector<OpenEdge>& open() const { return open_; }
 
  private:
   // Then the angle is off by 1e-3; and where that might decide, by 1e-6.
-  static constexpr double kFar = 5, kFarther = 50;
+  static constexpr double kFar = 5, kFarther = 50, kRough = 2;
   int whole_at(const Point& p) const;
 
   std::vector<Triangle> triangles_;  // and cones

@@ -268,6 +268,44 @@ TEST(Library, MeshesWhatTrianglesWindAround) {
   EXPECT_NEAR(info.volume, mesh.statistics().volume, 0.1 * info.volume);
 }
 
+// Half of a torus is a sheet, around which a wrap goes.
+TEST(Library, MeshesWhatWrapsASheet) {
+  const TempDir dir;
+  Arrays open = torus_arrays();
+  open.triangles.resize(open.triangles.size() / 2);
+  Options options = torus_options(dir);
+  options.wrap_alpha = Size::length(0.1);
+  EXPECT_EQ(code_of([&] { mesh_surface(open.surface(), options); }, "give --wrap"),
+            ErrorCode::kInput);
+  options.inside = InsideRule::kWrap;
+  options.wrap_alpha = Size::percent(10);
+  EXPECT_EQ(code_of([&] { mesh_surface(open.surface(), options); }, "give a length"),
+            ErrorCode::kInput);
+  options.wrap_alpha = Size::length(0.1);
+  options.wrap_offset = Size::length(0.05);
+  options.store = dir / "store";
+  std::vector<std::string> notes;
+  Control control;
+  control.on_note = [&](const std::string& note) { notes.push_back(note); };
+  const std::uint64_t num_cells =
+      mesh_surface(open.surface(), options, control).summary().num_cells;
+  EXPECT_GT(num_cells, 0u);
+  ASSERT_FALSE(notes.empty());
+  EXPECT_NE(notes.front().find("wrapped"), std::string::npos) << notes.front();
+  EXPECT_NE(notes.front().find("alpha 0.1 and offset 0.05"), std::string::npos) << notes.front();
+  // It goes on with what the store holds, but for another wrap.
+  notes.clear();
+  EXPECT_EQ(mesh_surface(open.surface(), options, control).summary().num_cells, num_cells);
+  EXPECT_TRUE(notes.empty());
+  EXPECT_EQ(resume_run(options.store).summary().num_cells, num_cells);
+  options.wrap_offset = Size::length(0.06);
+  EXPECT_EQ(code_of([&] { mesh_surface(open.surface(), options); }, "--wrap-offset is 0.05 in it"),
+            ErrorCode::kMismatch);
+  const SurfaceInfo info = surface_info(open.surface(), {}, dir.path(), {}, 40, {}, false, {}, {},
+                                        options.inside, options.wrap_alpha, Size::length(0.05));
+  EXPECT_GT(info.volume, 0);
+}
+
 TEST(Library, HandsOutCellsOfSecondOrder) {
   const TempDir dir;
   Options options = torus_options(dir);

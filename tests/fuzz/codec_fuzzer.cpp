@@ -66,7 +66,7 @@ void expect_sound(const StoreFormat&) {}
 
 void expect_sound(const RunRecord& run) {
   expect(run.parameters.init <= Initialization::kPaper, "an initialization that there is");
-  expect(run.parameters.inside <= InsideRule::kWinding, "a rule for what is inside that there is");
+  expect(run.parameters.inside <= InsideRule::kWrap, "a rule for what is inside that there is");
   expect(run.phase <= Phase::kDone, "a phase that there is");
   expect(run.frame.unit() > 0 && std::isfinite(run.frame.unit()), "the octree has a size");
 }

@@ -278,8 +278,11 @@ void expect_golden(const std::string& name, const Record& record, MortonKey leaf
 
 TEST(Codec, GoldenBytesOpen) {
   expect_golden("format.v0", StoreFormat{5}, MortonKey());
-  expect_golden("run.v8", sample_run(), MortonKey());
+  expect_golden("run.v9", sample_run(), MortonKey());
   RunRecord of_one_body = sample_run();
+  of_one_body.parameters.inside = InsideRule::kWinding;
+  of_one_body.parameters.wrap_alpha = of_one_body.parameters.wrap_offset = 0;
+  expect_golden("run.v8", of_one_body, MortonKey());
   of_one_body.parameters.gap = 0;
   of_one_body.parameters.inside = InsideRule::kClosed;
   of_one_body.parameters.is_surface_only = false;

@@ -43,7 +43,8 @@ inline RunRecord sample_run() {
   run.parameters.has_bodies = true;
   run.parameters.voids = {"Loch", ""};
   run.parameters.gap = 0.001;
-  run.parameters.inside = InsideRule::kWinding;
+  run.parameters.inside = InsideRule::kWrap;
+  run.parameters.wrap_alpha = 0.3, run.parameters.wrap_offset = 0.01;
   run.parameters.is_surface_only = true;
   run.surface.more_files = {"b.stl"};
   run.surface.facing = {1024, {{-107, 3, 0, 0, 1}, {-106, 700, 2, 0, 0}, {64, 0, 0, 5, 0}}};

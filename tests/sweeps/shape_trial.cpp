@@ -1,18 +1,14 @@
 #include "tests/sweeps/shape_trial.h"
 
 #include <fmt/format.h>
-#include <signal.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <thread>
 #include <vector>
 
 #include "tests/file_bytes.h"
-#include "tests/tools/process.h"
 
 namespace locvol::sweeps {
 namespace {
@@ -24,38 +20,6 @@ constexpr std::array<std::string_view, 8> kRefusals = {
     "intersects itself",     "is not manifold", "is not closed",
     "bounds no volume",      "no cell fits",    "is too small for this surface",
     "no unambiguous repair", "give --memory"};
-
-struct Ending {
-  ProcessResult process;
-  bool is_hung = false;
-};
-
-Ending run(const std::vector<std::string>& arguments, double limit) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(limit);
-  Process process(arguments);
-  while (!process.has_ended() && std::chrono::steady_clock::now() < deadline)
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  const bool is_hung = !process.has_ended();
-  if (is_hung) process.send(SIGKILL);
-  return {process.wait(), is_hung};
-}
-
-// As one line.
-std::string last_words(const std::string& err) {
-  std::string text = err.substr(0, err.find_last_not_of(" \n") + 1);
-  std::ranges::replace(text, '\n', ' ');
-  return text.substr(0, 400);
-}
-
-std::string violations_text(const Json& audit) {
-  std::string text;
-  for (const auto& [name, count] : audit.at("violations").items())
-    if (count.is_number() && count > 0)
-      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count.get<std::uint64_t>(), name);
-  const Json& examples = audit.at("violations").at("examples");
-  if (!examples.empty()) text += ": " + examples[0].get<std::string>();
-  return text.empty() ? "no cells" : text;
-}
 
 class Trial {
  public:
@@ -78,7 +42,7 @@ class Trial {
     start_anew();
     std::vector<std::string> words = mesh_command(case_, directory_, num_threads);
     words.push_back("--json");
-    const Ending ending = run(words, limit_);
+    const LimitedRun ending = run_limited(words, limit_);
     result_.seconds = ending.process.cpu_seconds;
     if (ending.is_hung) return conclude(Verdict::kHung, fmt::format("after {} s", limit_));
     const auto& [code, number, peak, cpu, out, err] = ending.process;
@@ -106,7 +70,7 @@ class Trial {
 
   // Empty where the audit itself failed.
   std::optional<Json> audit() {
-    const Ending ending = run({"audit", store().string(), "--json", "--quiet"}, limit_);
+    const LimitedRun ending = run_limited({"audit", store().string(), "--json", "--quiet"}, limit_);
     const Json report = Json::parse(ending.process.out, nullptr, false);
     if (!ending.is_hung && ending.process.signal == 0 && report.is_object()) return report;
     conclude(ending.is_hung ? Verdict::kHung : Verdict::kError,
@@ -125,19 +89,8 @@ class Trial {
     result_.crease_length = mesh.at("crease_length").get<double>() + result_.lost_crease_length;
     result_.min_dihedral_degrees = report->at("min_dihedral_degrees");
     result_.num_poor_cells = report->at("num_poor_cells");
-    result_.verdict = exit_code_ == 0 ? Verdict::kDone : Verdict::kUnresolved;
-    if (!report->at("is_valid").get<bool>())
-      judge_violations(*report);
-    else if (exit_code_ == 0)
-      compare_with_input(*report);
-  }
-
-  void judge_violations(const Json& report) {
-    bool is_torn = exit_code_ == 3 && result_.num_cells > 0;
-    for (const auto& [name, count] : report.at("violations").items())
-      if (count.is_number() && count > 0 && !name.starts_with("bad_boundary_")) is_torn = false;
-    conclude(is_torn ? Verdict::kTorn : Verdict::kError,
-             fmt::format("exit code {} and not valid: {}", exit_code_, violations_text(report)));
+    static_cast<Judgment&>(result_) = judgment_of(exit_code_, *report);
+    if (result_.verdict == Verdict::kDone) compare_with_input(*report);
   }
 
   void compare_with_input(const Json& report) {

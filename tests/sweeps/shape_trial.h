@@ -2,36 +2,17 @@
 // it.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <string>
-#include <string_view>
+#include <vector>
 
+#include "tests/sweeps/limited_run.h"
 #include "tests/sweeps/shapes/shape_case.h"
 
 namespace locvol::sweeps {
 
-enum class Verdict {
-  kDone,        // exit code 0, and the audit finds the mesh valid
-  kUnresolved,  // exit code 3, likewise
-  kRefused,     // for a reason that a user could act on: the case is void
-  kTorn,        // exit code 3, and the mesh's boundary is no 2-manifold
-  kHung,
-  kError,    // any other end, or any other fault that the audit finds
-  kDiffers,  // well resolved, but not of the input's volume or topology
-};
-inline constexpr std::array<std::string_view, 7> kVerdictNames = {
-    "exit 0", "exit 3", "refused", "torn", "hung", "error", "differs"};
-inline std::string_view name(Verdict verdict) {
-  return kVerdictNames[static_cast<std::size_t>(verdict)];
-}
-inline bool is_failure(Verdict verdict) { return verdict > Verdict::kRefused; }
-
-struct TrialResult {
-  Verdict verdict = Verdict::kDone;
-  std::string reason;  // if there is one
+struct TrialResult : Judgment {
   double seconds = 0;  // of CPU time: they depend little on what else runs
   std::uint64_t num_cells = 0, num_boundary_vertices = 0, num_unresolved = 0;
   double volume_shift = 0;  // difference of the volumes over area and λ
@@ -47,7 +28,7 @@ std::vector<std::string> mesh_command(const ShapeCase& shape_case,
                                       const std::filesystem::path& directory, int num_threads);
 
 // Uses the directory, which it leaves as it was. A process that takes longer than the limit, in
-// seconds by the clock, is ended.
+// seconds of CPU time, is ended.
 TrialResult try_case(const ShapeCase& shape_case, const std::filesystem::path& directory,
                      double limit);
 

@@ -230,6 +230,33 @@ TEST(Command, OpenSurfaceIsRefusedWithoutOutput) {
   EXPECT_EQ(run_locvol({"info", input}).exit_code, 1);
 }
 
+// Of a single sheet winding numbers know nothing, and a wrap is what there is to be meshed.
+TEST(Command, ASheetIsMeshedOnceItIsWrapped) {
+  const TempDir dir;
+  std::ofstream(dir / "open.off") << "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0.1\n0 1 0\n3 0 1 2\n3 0 2 3\n";
+  const std::string input = (dir / "open.off").string(), output = (dir / "o.vtu").string();
+  const ProcessResult refused = run_locvol({"info", input});
+  EXPECT_NE(refused.err.find("locvol wrap"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("in doubt"), std::string::npos) << refused.err;
+  const std::vector<std::string> mesh = {
+      "mesh", input,           "-o",  output,         "-s",    "0.05", "--wrap", "--wrap-alpha",
+      "0.2",  "--wrap-offset", "0.1", "--keep-store", "--json"};
+  const ProcessResult wrapped = run_locvol(mesh);
+  EXPECT_EQ(wrapped.exit_code, 0) << wrapped.err;
+  const auto summary = nlohmann::json::parse(wrapped.out);
+  EXPECT_EQ(summary.at("parameters").at("inside"), "wrap");
+  EXPECT_EQ(summary.at("parameters").at("wrap_alpha"), 0.2);
+  EXPECT_GT(summary.at("surface").at("volume"), 0);
+  const std::string bytes = bytes_of(output);
+  const ProcessResult audit = run_locvol({"audit", output + ".locvol"});
+  EXPECT_EQ(audit.exit_code, 0) << audit.err;
+  const auto again = dir / "again.vtu";
+  EXPECT_EQ(run_locvol({"resume", output + ".locvol", "-o", again.string()}).exit_code, 0);
+  EXPECT_TRUE(bytes_of(again) == bytes);
+  EXPECT_EQ(run_locvol({"info", input, "--wrap", "--wrap-alpha", "0.2"}).exit_code, 0);
+  EXPECT_EQ(run_locvol({"info", input, "--wrap", "--inside", "closed"}).exit_code, 2);
+}
+
 TEST(Command, UnwritableOutputIsRefusedBeforeTheRun) {
   const TempDir dir;
   const ProcessResult result = run_locvol(

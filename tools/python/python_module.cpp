@@ -318,7 +318,7 @@ SurfaceInfo survey(const HeldSurface& surface, const py::dict& given,
   const py::object refused = watch_over(watch, py::none(), on_note, [&] {
     info = surface_info(surface.surface, control, scratch, options.weld, options.sharp_angle,
                         options.sharp_polylines, options.has_bodies, options.voids, options.gap,
-                        options.inside);
+                        options.inside, options.wrap_alpha, options.wrap_offset);
   });
   if (!refused.is_none()) {
     PyErr_SetObject(py::type::handle_of(refused).ptr(), refused.ptr());

@@ -81,7 +81,8 @@ void take(std::string_view key, const py::handle& value, Initialization& init) {
 }
 
 void take(std::string_view key, const py::handle& value, InsideRule& inside) {
-  inside = parsed(key, cast<std::string>(key, value, "'closed' or 'winding'"), parse_inside);
+  inside =
+      parsed(key, cast<std::string>(key, value, "'closed', 'winding' or 'wrap'"), parse_inside);
 }
 
 void take(std::string_view key, const py::handle& value, std::filesystem::path& file) {

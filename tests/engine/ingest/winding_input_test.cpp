@@ -106,6 +106,29 @@ TEST(WindingInput, TakesWhatIsOpenOverlapsOrIsDoubled) {
   }
 }
 
+// A refusal names what would do, by how much winding numbers would leave in doubt.
+TEST(WindingInput, ARefusalTellsHowMuchIsInDoubt) {
+  const SurfaceFiles files;
+  constexpr WindingLaw kClosed{InsideRule::kClosed, 0, kMuch};
+  for (const std::uint64_t capacity : {kBucketCapacity, std::uint64_t{12}}) {
+    const std::string open = taken(files, box(11), kClosed, capacity).refusal;
+    EXPECT_NE(open.find("locvol repair"), std::string::npos) << open;
+    EXPECT_NE(open.find("--inside winding ("), std::string::npos) << open;
+    EXPECT_NE(open.find("% of the box is in doubt)"), std::string::npos) << open;
+    Polygons two = box(12);
+    two.append(box(12, {1, 1, 1}));
+    const std::string crossing = taken(files, two, kClosed, capacity).refusal;
+    EXPECT_NE(crossing.find("--inside winding (0% of the box"), std::string::npos) << crossing;
+    EXPECT_EQ(crossing.find("locvol wrap"), std::string::npos) << crossing;
+    const std::string sheet = taken(files, box(3), kClosed, capacity).refusal;
+    EXPECT_NE(sheet.find("locvol wrap"), std::string::npos) << sheet;
+    EXPECT_NE(sheet.find("would be in doubt)"), std::string::npos) << sheet;
+    EXPECT_EQ(sheet.find("--inside winding"), std::string::npos) << sheet;
+  }
+  const std::string unknown = taken(files, box(11), {}).refusal;
+  EXPECT_EQ(unknown.find("in doubt"), std::string::npos) << unknown;
+}
+
 TEST(WindingInput, RefusesSheetsAndTooLittleMemory) {
   const SurfaceFiles files;
   Polygons square;

@@ -82,7 +82,7 @@ double volume_of(const LooseSurface& s) {
 }
 
 LooseSurface wound(const LooseSurface& s, double spacing, WindingChanges& changes) {
-  LooseSurface found = winding_surface(s, spacing, changes, nullptr);
+  LooseSurface found = winding_surface(s, spacing, 0, changes, nullptr);
   EXPECT_TRUE(open_edges(chain_of(found)).empty());
   return found;
 }
@@ -232,12 +232,117 @@ TEST(WindingSurface, OfDamagedBallsIsClosedAndNearTheBall) {
     }
     s.groups.assign(s.triangles.size(), 1);
     WindingChanges changes;
-    const LooseSurface found = winding_surface(s, 0.1, changes, nullptr);
+    const LooseSurface found = winding_surface(s, 0.1, 0, changes, nullptr);
     if (!open_edges(chain_of(found)).empty()) continue;  // what rounding parts, which is refused
     ++num_closed;
     EXPECT_NEAR(volume_of(found), volume, 0.02 * volume) << round;
   }
   EXPECT_GE(num_closed, 4);
+}
+
+// One triangle of ten is missing, so that holes meet in vertices, all over.
+TEST(WindingSurface, FillsManyHolesWithoutNewVertices) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  LooseSurface s = ball(4);
+  const double volume = volume_of(s);
+  const std::size_t num_vertices = s.vertices.size();
+  std::erase_if(s.triangles, [&](const Face&) { return std::bernoulli_distribution(0.1)(random); });
+  s.groups.resize(s.triangles.size());
+  WindingChanges changes;
+  const LooseSurface found = wound(s, 0.1, changes);
+  EXPECT_NEAR(volume_of(found), volume, 0.01 * volume);
+  EXPECT_GT(changes.num_holes, 50u);
+  EXPECT_LE(found.vertices.size(), num_vertices + changes.num_holes / 10);
+}
+
+// Wide, but not so far from the level that it has to be followed.
+TEST(WindingSurface, FillsAWideHoleWithTrianglesBetweenItsEdges) {
+  LooseSurface cap = ball(4);
+  std::erase_if(cap.triangles, [&](const Face& t) { return cap.vertices[t[0]].z > 0.9; });
+  cap.groups.resize(cap.triangles.size());
+  const LooseSurface found = wound(cap, 0.05);
+  EXPECT_LE(found.vertices.size(), ball(4).vertices.size());
+  const double volume = volume_of(ball(4));
+  EXPECT_LT(volume_of(found), volume);
+  EXPECT_GT(volume_of(found), 0.97 * volume);
+}
+
+// Its two sides would make two halves of it, if each were closed by itself.
+TEST(WindingSurface, ClosesACrackAllAround) {
+  LooseSurface s = ball(4);
+  const double volume = volume_of(s);
+  std::erase_if(s.triangles, [&](const Face& t) {
+    double low = 1, high = -1;
+    for (const std::uint32_t v : t) {
+      low = std::min(low, s.vertices[v].z);
+      high = std::max(high, s.vertices[v].z);
+    }
+    return low < 0.02 && high > 0.02;
+  });
+  s.groups.resize(s.triangles.size());
+  const LooseSurface found = wound(s, 0.05);
+  EXPECT_NEAR(volume_of(found), volume, 0.02 * volume);
+  double largest = 0;  // of triangles across the inside there would be some
+  for (const auto& [a, b, c] : found.triangles)
+    for (const std::uint32_t v : {a, b, c})
+      largest = std::max(largest, 1 - norm(found.vertices[v]));
+  EXPECT_LT(largest, 0.1);
+}
+
+// Points of each triangle beside those of its neighbors.
+LooseSurface apart(const LooseSurface& s, double distance, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> by(-distance, distance);
+  LooseSurface result;
+  for (const Face& t : s.triangles) {
+    const auto first = static_cast<std::uint32_t>(result.vertices.size());
+    for (const std::uint32_t v : t) {
+      const double x = by(random), y = by(random);
+      result.vertices.push_back(s.vertices[v] + Point{x, y, by(random)});
+    }
+    result.triangles.push_back({first, first + 1, first + 2});
+    result.groups.push_back(1);
+  }
+  return result;
+}
+
+TEST(WindingSurface, JoinsPointsAtOpenEdges) {
+  const LooseSurface sound = ball(3), loose = apart(sound, 1e-5, 3);
+  WindingChanges changes;
+  const LooseSurface found = winding_surface(loose, 0.1, 1e-4, changes, nullptr);
+  EXPECT_EQ(found.vertices.size(), sound.vertices.size());
+  EXPECT_EQ(found.triangles.size(), sound.triangles.size());
+  EXPECT_EQ(changes.num_joined, loose.vertices.size() - sound.vertices.size());
+  EXPECT_GT(changes.largest_move, 0);
+  EXPECT_LT(changes.largest_move, 4e-5);
+  EXPECT_FALSE(changes.is_level);
+}
+
+TEST(WindingSurface, OfTrianglesWithoutNeighborsIsTheLevel) {
+  const double volume = volume_of(ball(4));
+  WindingChanges changes;
+  const LooseSurface found = wound(apart(ball(4), 5e-3, 3), 0.2, changes);
+  EXPECT_TRUE(changes.is_level);
+  EXPECT_NEAR(volume_of(found), volume, 0.03 * volume);
+  EXPECT_LT(found.triangles.size(), ball(4).triangles.size());
+  EXPECT_FALSE(wound(ball(4), 0.1, changes).triangles.empty());
+  EXPECT_FALSE(changes.is_level);
+}
+
+TEST(WindingSurface, ItsDoubtIsThatOfTheWholeBoxAroundASheet) {
+  EXPECT_EQ(winding_doubt(ball(3), nullptr), 0);
+  LooseSurface open = ball(3);
+  open.triangles.pop_back();
+  WindingChanges changes;
+  wound(open, 0.1, changes);
+  EXPECT_GT(winding_doubt(open, nullptr), 0);
+  EXPECT_EQ(winding_doubt(open, nullptr), changes.doubt);
+  LooseSurface half = ball(3);
+  std::erase_if(half.triangles, [&](const Face& t) { return half.vertices[t[0]].z < 0.3; });
+  half.groups.resize(half.triangles.size());
+  EXPECT_GT(winding_doubt(half, nullptr), 0.5);
 }
 
 TEST(WindingSurface, OfSheetsIsNothing) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/sweeps/shapes/blocks.h"
+#include "tests/sweeps/shapes/damaged.h"
 #include "tests/sweeps/shapes/families.h"
 #include "tests/sweeps/shapes/prisms.h"
 #include "tests/sweeps/shapes/shape_case.h"
@@ -185,6 +186,54 @@ TEST(Changes, KeepTheVolumeAndTheTopology) {
     EXPECT_NEAR(volume_of(changed), volume, 1e-12 * volume);
     EXPECT_EQ(euler_characteristic(changed), euler_characteristic(shape));
   }
+}
+
+// Edges with another number of triangles than one in each direction.
+std::size_t num_wrong_edges(const Shape& shape) {
+  const auto edges = directed_edges(shape);
+  std::size_t num = 0;
+  for (const auto& [edge, count] : edges)
+    num += count != 1 || !edges.contains({edge.second, edge.first});
+  return num;
+}
+
+DamagedSurface damaged_sphere(std::string_view kind, double measure) {
+  const auto made = damaged(testing_shapes::sphere(1, 30, 60), {kind, measure}, 7);
+  EXPECT_TRUE(made.has_value());
+  return made.value_or(DamagedSurface{});
+}
+
+TEST(Damages, AreAFunctionOfTheSeed) {
+  const Shape sphere = testing_shapes::sphere(1, 30, 60);
+  for (const Damage& damage : damages()) {
+    const auto one = damaged(sphere, damage, 5), other = damaged(sphere, damage, 5);
+    ASSERT_EQ(one.has_value(), other.has_value());
+    if (!one) continue;
+    EXPECT_EQ(one->shape.vertices, other->shape.vertices) << damage.name();
+    EXPECT_EQ(one->shape.triangles, other->shape.triangles) << damage.name();
+    for (const Shape& sound : one->sound) EXPECT_TRUE(is_closed(sound));
+  }
+}
+
+TEST(Damages, AreWhatTheyClaimToBe) {
+  const Shape sphere = testing_shapes::sphere(1, 30, 60);
+  const std::size_t num = sphere.triangles.size();
+  EXPECT_EQ(damaged_sphere("none", 0).shape.triangles, sphere.triangles);
+  for (const std::size_t hole : {1, 10, 100}) {
+    const DamagedSurface made = damaged_sphere("hole", static_cast<double>(hole));
+    EXPECT_EQ(made.shape.triangles.size(), num - hole);
+    EXPECT_GT(num_wrong_edges(made.shape), 2u);
+    EXPECT_LE(num_wrong_edges(made.shape), hole + 2);  // in one place
+    EXPECT_GT(made.lost_volume, 0);
+  }
+  EXPECT_FALSE(damaged(sphere, {"hole", 1000}, 7).has_value());  // more than a quarter
+  const std::size_t lost = num - damaged_sphere("lost", 10).shape.triangles.size();
+  EXPECT_NEAR(static_cast<double>(lost), 0.1 * static_cast<double>(num), 100);
+  EXPECT_EQ(damaged_sphere("doubled", 100).shape.triangles.size(), 2 * num);
+  EXPECT_GT(num_wrong_edges(damaged_sphere("flipped", 50).shape), num / 2);
+  EXPECT_EQ(damaged_sphere("unwelded", 1e-5).shape.vertices.size(), 3 * num);
+  EXPECT_TRUE(is_closed(damaged_sphere("noise", 0.1).shape));
+  EXPECT_EQ(damaged_sphere("copies", 0.3).sound.size(), 2u);
 }
 
 // Each is closed by itself and turned outwards; what two have in common is the same triangles.

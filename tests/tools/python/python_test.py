@@ -322,7 +322,7 @@ class Options(WithDirectory):
             "sheet_sizes": {"upper": 0.15}, "body_sizes": {}, "size_image": None, "per_circle": 12,
             "deviation": 0.1, "layers": 2, "min_size": 0.05, "weld": 0, "sharp_angle": 30,
             "sharp": self.dir / "edges.txt", "has_bodies": True, "voids": [], "gap": 0.001,
-            "surface_only": False, "inside": "closed"}  # fmt: skip
+            "surface_only": False, "inside": "closed", "wrap_alpha": 0, "wrap_offset": 0}  # fmt: skip
         self.assertEqual(list(values), list(locvol._options.names()))
         several = {"has_bodies", "gap", "body_sizes"}
         options = {name: value for name, value in values.items() if name not in several}

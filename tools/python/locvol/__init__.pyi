@@ -374,7 +374,9 @@ def mesh(
     voids: Sequence[str] | None = ...,
     gap: _Size | None = ...,
     surface_only: bool | None = ...,
-    inside: Literal["closed", "winding"] | None = ...,
+    inside: Literal["closed", "winding", "wrap"] | None = ...,
+    wrap_alpha: _Size | None = ...,
+    wrap_offset: _Size | None = ...,
 ) -> Mesh: ...
 def open(store: _Path, *, memory: _Memory | None = ..., threads: int = ...) -> Mesh: ...
 def info(
@@ -391,7 +393,9 @@ def info(
     has_bodies: bool | None = ...,
     voids: Sequence[str] | None = ...,
     gap: _Size | None = ...,
-    inside: Literal["closed", "winding"] | None = ...,
+    inside: Literal["closed", "winding", "wrap"] | None = ...,
+    wrap_alpha: _Size | None = ...,
+    wrap_offset: _Size | None = ...,
 ) -> SurfaceInfo: ...
 def estimate(
     surface: _Surface | SurfaceInfo,
@@ -424,6 +428,8 @@ def estimate(
     voids: Sequence[str] | None = ...,
     gap: _Size | None = ...,
     surface_only: bool | None = ...,
-    inside: Literal["closed", "winding"] | None = ...,
+    inside: Literal["closed", "winding", "wrap"] | None = ...,
+    wrap_alpha: _Size | None = ...,
+    wrap_offset: _Size | None = ...,
 ) -> Estimate: ...
 def share_one_heap() -> None: ...

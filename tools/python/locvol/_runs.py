@@ -9,7 +9,8 @@ from ._surface import surface_of
 log = logging.getLogger("locvol")
 
 # What `info` depends on.
-_OF_SURFACE = ("weld", "sharp_angle", "sharp", "has_bodies", "voids", "gap", "inside")
+_OF_SURFACE = ("weld", "sharp_angle", "sharp", "has_bodies", "voids", "gap", "inside",
+               "wrap_alpha", "wrap_offset")  # fmt: skip
 
 
 def _note(text):
@@ -140,7 +141,8 @@ def info(surface, *, memory=None, threads=0, groups=None, names=None, scratch=No
 
     Args:
         surface, memory, threads, groups, names, scratch: As of `mesh`.
-        options: Of those of `mesh`: weld, sharp_angle, sharp, has_bodies, voids, gap, inside.
+        options: Of those of `mesh`: weld, sharp_angle, sharp, has_bodies, voids, gap, inside,
+            wrap_alpha, wrap_offset.
 
     Returns:
         SurfaceInfo: Counts, area, volume, sheets, bodies; and `default_size`.
