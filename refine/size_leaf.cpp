@@ -38,16 +38,24 @@ class SizeTree {
   }
 
  private:
-  // `near`: of the node's center; what is nearest to it is close to what is to the parent's center.
-  // `shapes`, `branches`: all that matter in the node.
-  void descend(MortonKey node, NearestSurface::Known near, std::span<const SizeShape> shapes,
+  // A place that was looked up, and what that tells of others around it.
+  struct Known {
+    Point place;
+    double distance = 0;  // from the surface, negative outside; 0: nothing is known
+    BodyId body = kNoBody;
+    NearestSurface::Known near;
+  };
+
+  // `known`: near the node. `shapes`, `branches`: all that matter in it.
+  void descend(MortonKey node, Known known, std::span<const SizeShape> shapes,
                const SizeNodes::Branches& branches) {
     poll_();
     const Box box = input_.frame.box(node);
     const double side = box.max.x - box.min.x;
     const Point center = box.center();
-    const auto [distance, body] = signed_distance(center, near);
-    near.bound = std::abs(distance) + kHalfDiagonal * side;
+    const auto [distance, body] = signed_distance(center, known);
+    known.place = center, known.distance = distance, known.body = body;
+    known.near.bound = std::abs(distance) + kHalfDiagonal * side;
     const SizeLaw& law = input_.law;
     double most = law.surface + law.growth * (std::max(0.0, distance) + kHalfDiagonal * side);
     SizeNodes::Branches& near_branches = branches_[std::size_t(node.level())];
@@ -62,17 +70,24 @@ class SizeTree {
         std::min(asked_at(center, shapes, near_branches, most), size_throughout(body));
     if (!may_stay(node, side, distance, asked)) {
       for (int octant = 0; octant < 8; ++octant)
-        descend(node.child(octant), near, shapes, near_branches);
+        descend(node.child(octant), known, shapes, near_branches);
       return;
     }
     SizeCube cube{.key = node};
+    // No surface passes through, and no cell lies there.
+    const bool is_outside = distance < 0 && -distance > kHalfDiagonal * side;
+    if (is_outside && shapes.empty() && near_branches.empty()) {
+      cube.distance.fill(-static_cast<float>(side));
+      cubes_.push_back(cube);
+      return;
+    }
     const GridPoint low = node.grid_min();
     const std::uint32_t steps = node.grid_side();
     for (std::uint32_t k = 0; k < 8; ++k) {
       const GridPoint corner{low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps,
                              low.z + (k >> 2) * steps};
       std::tie(cube.distance[k], cube.less[k]) =
-          at_corner(corner, near, shapes, near_branches,
+          at_corner(corner, known, shapes, near_branches,
                     asked + law.growth * kHalfDiagonal * side * (1 + 1e-9));
     }
     if (distance > 0) cube.excess = up_to_step(interpolated(cube.distance, box, center) - distance);
@@ -82,9 +97,7 @@ class SizeTree {
                                                is_of_one ? std::optional(body) : std::nullopt));
       for (float& less : cube.less) less += more;
     }
-    // No surface passes through, and no cell lies there.
-    if (distance < 0 && -distance > kHalfDiagonal * side)
-      cube.distance.fill(-static_cast<float>(side));
+    if (is_outside) cube.distance.fill(-static_cast<float>(side));
     cubes_.push_back(cube);
   }
 
@@ -143,17 +156,21 @@ class SizeTree {
     return static_cast<float>(step_ * std::ceil(std::max(0.0, v) / step_));
   }
 
-  // With the body that p is in.
-  std::pair<double, BodyId> signed_distance(const Point& p, NearestSurface::Known& near) const {
-    double distance = surface_.distance(p, near);
+  // With the body that p is in: as a place is that no surface comes between.
+  std::pair<double, BodyId> signed_distance(const Point& p, Known& known) const {
+    double distance = surface_.distance(p, known.near);
     if (distance > input_.exact_distance) distance = far_.distance(p, distance);
-    const BodyId body = domain_.label(p).value_or(kNoBody);
+    constexpr double kSurely = 0.9;  // far distances may be a little too large
+    const double empty = kSurely * known.distance;
+    const BodyId body = squared_distance(p, known.place) < empty * empty
+                            ? known.body
+                            : domain_.label(p).value_or(kNoBody);
     return {body != kNoBody ? distance : -distance, body};
   }
 
   // Its distance, and by how much less is asked for there than the surface so far away allows.
   // Corners are shared by eight cubes; other leaves get the same.
-  std::pair<float, float> at_corner(const GridPoint& g, NearestSurface::Known near,
+  std::pair<float, float> at_corner(const GridPoint& g, Known known,
                                     std::span<const SizeShape> shapes,
                                     const SizeNodes::Branches& branches, double most) {
     const auto [place, is_new] = corners_.try_emplace(std::array{g.x, g.y, g.z});
@@ -161,7 +178,7 @@ class SizeTree {
     if (!is_new) return place->second;
     const SizeLaw& law = input_.law;
     const Point p = input_.frame.position(g);
-    const auto [exact, body] = signed_distance(p, near);
+    const auto [exact, body] = signed_distance(p, known);
     distance = static_cast<float>(step_ * std::floor(exact / step_));
     const double throughout = size_throughout(body);
     if (!shapes.empty() || !branches.empty() || throughout < most)
