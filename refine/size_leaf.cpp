@@ -33,7 +33,7 @@ class SizeTree {
         nodes_(input.nodes, input.law.growth, input.frame) {}
 
   std::vector<SizeCube> run() {
-    descend(input_.leaf, {}, input_.shapes, nodes_.all());
+    descend(input_.leaf, {}, input_.shapes, nodes_.all(), nullptr);
     return std::move(cubes_);
   }
 
@@ -46,14 +46,20 @@ class SizeTree {
     NearestSurface::Known near;
   };
 
-  // `known`: near the node. `shapes`, `branches`: all that matter in it.
+  // Distances of a node's corners from the surface, as SizeCube has them.
+  using Distances = std::array<float, 8>;
+
+  // `known`: near the node. `shapes`, `branches`: all that matter in it. `corners`: between which
+  // all that lies in it is interpolated; null: distances are to be looked up.
   void descend(MortonKey node, Known known, std::span<const SizeShape> shapes,
-               const SizeNodes::Branches& branches) {
+               const SizeNodes::Branches& branches, const Distances* corners) {
     poll_();
     const Box box = input_.frame.box(node);
     const double side = box.max.x - box.min.x;
     const Point center = box.center();
-    const auto [distance, body] = signed_distance(center, known);
+    const auto [distance, body] = corners != nullptr
+                                      ? std::pair(interpolated(*corners, box, center), known.body)
+                                      : signed_distance(center, known);
     known.place = center, known.distance = distance, known.body = body;
     known.near.bound = std::abs(distance) + kHalfDiagonal * side;
     const SizeLaw& law = input_.law;
@@ -68,9 +74,29 @@ class SizeTree {
     }
     const double asked =
         std::min(asked_at(center, shapes, near_branches, most), size_throughout(body));
+    const double most_asked = asked + law.growth * kHalfDiagonal * side * (1 + 1e-9);
+    const auto at = [&](std::uint32_t k) {
+      return at_corner(corner_of(node, k), known, shapes, near_branches, most_asked,
+                       corners != nullptr ? &(*corners)[k] : nullptr);
+    };
     if (!may_stay(node, side, distance, asked)) {
-      for (int octant = 0; octant < 8; ++octant)
-        descend(node.child(octant), known, shapes, near_branches);
+      Distances own;
+      if (corners == nullptr && distance > kHalfDiagonal * side) {
+        for (std::uint32_t k = 0; k < 8; ++k) own[k] = at(k).first;
+        if (is_nearly_linear(own, box, distance)) corners = &own;
+      }
+      for (int octant = 0; octant < 8; ++octant) {
+        const MortonKey child = node.child(octant);
+        if (corners == nullptr) {
+          descend(child, known, shapes, near_branches, nullptr);
+          continue;
+        }
+        Distances of_child;
+        for (std::uint32_t k = 0; k < 8; ++k)
+          of_child[k] =
+              down_to_step(interpolated(*corners, box, input_.frame.position(corner_of(child, k))));
+        descend(child, known, shapes, near_branches, &of_child);
+      }
       return;
     }
     SizeCube cube{.key = node};
@@ -81,15 +107,7 @@ class SizeTree {
       cubes_.push_back(cube);
       return;
     }
-    const GridPoint low = node.grid_min();
-    const std::uint32_t steps = node.grid_side();
-    for (std::uint32_t k = 0; k < 8; ++k) {
-      const GridPoint corner{low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps,
-                             low.z + (k >> 2) * steps};
-      std::tie(cube.distance[k], cube.less[k]) =
-          at_corner(corner, known, shapes, near_branches,
-                    asked + law.growth * kHalfDiagonal * side * (1 + 1e-9));
-    }
+    for (std::uint32_t k = 0; k < 8; ++k) std::tie(cube.distance[k], cube.less[k]) = at(k);
     if (distance > 0) cube.excess = up_to_step(interpolated(cube.distance, box, center) - distance);
     if (std::ranges::any_of(cube.less, [](float less) { return less > 0; })) {
       const bool is_of_one = std::abs(distance) > kHalfDiagonal * side;
@@ -99,6 +117,21 @@ class SizeTree {
     }
     if (is_outside) cube.distance.fill(-static_cast<float>(side));
     cubes_.push_back(cube);
+  }
+
+  // Is what the surface allows for at a place, where none passes, about what is interpolated? Then
+  // so it is in all of the node: distances bend less the farther the surface is, and where two of
+  // its sides are as far, what is interpolated is less. `distance`: of its center.
+  bool is_nearly_linear(const Distances& corners, const Box& box, double distance) const {
+    constexpr double kClose = 0.01;
+    const double change = input_.law.growth * (interpolated(corners, box, box.center()) - distance);
+    return std::abs(change) <= kClose * input_.law.at_distance(distance);
+  }
+
+  static GridPoint corner_of(MortonKey node, std::uint32_t k) {
+    const GridPoint low = node.grid_min();
+    const std::uint32_t steps = node.grid_side();
+    return {low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps, low.z + (k >> 2) * steps};
   }
 
   // `distance`, `asked`: at its center.
@@ -152,6 +185,7 @@ class SizeTree {
     return most;
   }
 
+  float down_to_step(double v) const { return static_cast<float>(step_ * std::floor(v / step_)); }
   float up_to_step(double v) const {
     return static_cast<float>(step_ * std::ceil(std::max(0.0, v) / step_));
   }
@@ -169,17 +203,25 @@ class SizeTree {
   }
 
   // Its distance, and by how much less is asked for there than the surface so far away allows.
-  // Corners are shared by eight cubes; other leaves get the same.
+  // Corners are shared by eight cubes; other leaves get about the same. `given`: its distance, if
+  // that is not to be looked up.
   std::pair<float, float> at_corner(const GridPoint& g, Known known,
                                     std::span<const SizeShape> shapes,
-                                    const SizeNodes::Branches& branches, double most) {
+                                    const SizeNodes::Branches& branches, double most,
+                                    const float* given) {
     const auto [place, is_new] = corners_.try_emplace(std::array{g.x, g.y, g.z});
     auto& [distance, less] = place->second;
     if (!is_new) return place->second;
     const SizeLaw& law = input_.law;
     const Point p = input_.frame.position(g);
-    const auto [exact, body] = signed_distance(p, known);
-    distance = static_cast<float>(step_ * std::floor(exact / step_));
+    BodyId body = known.body;
+    if (given != nullptr) {
+      distance = *given;
+    } else {
+      double exact = 0;
+      std::tie(exact, body) = signed_distance(p, known);
+      distance = down_to_step(exact);
+    }
     const double throughout = size_throughout(body);
     if (!shapes.empty() || !branches.empty() || throughout < most)
       less = up_to_step(law.surface + law.growth * std::max(0.0F, distance) -
