@@ -150,6 +150,7 @@ class HoleSearch {
   // parts without room for a hole.
   FillPoints search_lattice() {
     const Box around = input_.box.expanded(kStart * size_);
+    const Pass pass{kHoleRadius, kWorthClimbing, kWorthClimbing};
     SiteBlock<std::uint8_t> is_outside(is_there_.box(), 0);
     StopPoll poll(stop_, 8);
     for (const LatticeSite& site : sites_near_surface(is_outside)) {
@@ -164,32 +165,41 @@ class HoleSearch {
         const LatticeSite sum = b + c + d;
         const Point center =
             corner + 0.25 * half_ * Point{double(sum.i), double(sum.j), double(sum.k)};
-        if (around.contains(center)) search_from(center);
+        if (!around.contains(center)) continue;
+        Start start{center, size_};
+        search_from(start, pass);
       }
     }
     return found();
   }
 
-  // Where sizes vary, the balls of the lattice's cells are centered on the cubes' faces, a quarter
-  // of a side from their middles (here two of four). Small cubes have no lattice points: there, all
-  // points are centers of holes, and fewer will do if the largest holes come first.
+  // A place where a climb may begin, and what is known of it.
+  struct Start {
+    Point point;
+    double size = 0;                                        // h there
+    std::optional<bool> is_inside = {};                     // once it was asked
+    double hole = std::numeric_limits<double>::infinity();  // no larger one is found from there
+  };
+  // A search from many starts. All lengths are over h.
+  struct Pass {
+    double hole_radius = 0;  // of holes that are filled, at least
+    double worth = 0;        // of a start: its distance from all points, at least
+    double worth_later = 0;  // the same in the last pass
+  };
+
+  // Where sizes vary, the lattice has no sites in small cubes. There all points are centers of
+  // holes, and fewer will do if the largest holes come first.
   FillPoints search_cubes() {
+    constexpr double kWorth = 0.72;  // of a start, over the hole's radius
+    constexpr std::array kHoleRadii{1.3, 1.12, 1.0};
     StopPoll poll(stop_, 8);
-    struct Start {
-      Point point;
-      double hole = std::numeric_limits<double>::infinity();  // no larger one is found from there
-    };
-    std::vector<Start> starts, left;
-    for (const Point& p : starts_in_cubes()) starts.push_back({p});
-    for (const double radius : {1.5, 1.3, 1.15, 1.0}) {
-      hole_radius_ = radius;
-      left.clear();
-      for (Start start : starts) {
+    std::vector<Start> starts = starts_in_cubes();
+    for (const double radius : kHoleRadii) {
+      const Pass pass{radius, kWorth * radius, kWorth * kHoleRadii.back()};
+      std::erase_if(starts, [&](Start& start) {
         poll();
-        if (start.hole >= radius) start.hole = search_from(start.point);
-        if (start.hole > 0) left.push_back(start);
-      }
-      starts.swap(left);
+        return start.hole >= radius && !search_from(start, pass);
+      });
     }
     return found();
   }
@@ -198,56 +208,34 @@ class HoleSearch {
     sort_and_unite(found_.met_core);
     return std::move(found_);
   }
-  // In small cubes and in those beside them, in order.
-  std::vector<Point> starts_in_cubes() const {
-    std::vector<std::array<std::uint32_t, 3>> places;  // positions on the octree's grid
+  // In small cubes and in those beside them, in Morton order: of each its lowest corner, and the
+  // middles of the faces there. These are a quarter of a side from where balls of the lattice's
+  // cells would be centered, and no two cubes have the same.
+  std::vector<Start> starts_in_cubes() const {
+    std::vector<Start> starts;
     const Frame& frame = input_.sizes.frame;
+    const SizeLaw& law = input_.sizes.law;
     for (const SizeCube& cube : input_.sizes.cubes) {
-      const SizeLaw& law = input_.sizes.law;
-      const double side = frame.side(cube.key.level());
+      const Box box = frame.box(cube.key);
+      const double side = box.max.x - box.min.x;
       const auto [nearest, farthest] = std::ranges::minmax(cube.distance);
       constexpr double kBesideSmall = 2.5;  // sides are powers of two of one another
       const bool is_among_lattice =
           law.has_core() ? is_saturated(law, cube, (kLatticeMargin + 1) * law.most + side)
                          : side > kBesideSmall * kLeastCube * base_size(law, cube);
       if (farthest < 0 || (is_among_lattice && nearest > 0)) continue;
-      const SizeRange sizes = size_range(law, frame, {&cube, 1});
-      const double distance = kStart * sizes.most;
-      if (input_.box.squared_distance(frame.box(cube.key)) > distance * distance) continue;
-      const GridPoint low = cube.key.grid_min();
-      const std::uint32_t quarter = cube.key.grid_side() / 4;
-      // Where h is large for the cube, fewer starts find all holes: its lowest corner and the
-      // middles of its lower faces.
-      constexpr double kWide = 0.8;  // h over the side
-      if (sizes.least > kWide * side) {
-        const std::uint32_t half = cube.key.grid_side() / 2;
-        places.push_back({low.x, low.y, low.z});
-        places.push_back({low.x, low.y + half, low.z + half});
-        places.push_back({low.x + half, low.y, low.z + half});
-        places.push_back({low.x + half, low.y + half, low.z});
-        continue;
+      const double distance = kStart * largest_size(law, cube);
+      if (input_.box.squared_distance(box) > distance * distance) continue;
+      const double half = 0.5 * side;
+      for (const Point& step :
+           {Point{0, 0, 0}, {0, half, half}, {half, 0, half}, {half, half, 0}}) {
+        const Point p = box.min + step;
+        // All of the lattice is there as far as its balls reach.
+        if (law.has_core() && sizes_.room(p) >= (kLatticeMargin + 1) * law.growth * law.most)
+          continue;
+        const double size = size_in(law, cube, box, p), nearly = kStart * size;
+        if (input_.box.squared_distance(p) <= nearly * nearly) starts.push_back({p, size});
       }
-      for (std::size_t axis = 0; axis < 3; ++axis)
-        for (const std::uint32_t face : {0U, 4U})
-          for (const auto& [u, v] : {std::array{1U, 2U}, {3U, 2U}}) {
-            std::array<std::uint32_t, 3> at{};
-            at[axis] = face, at[(axis + 1) % 3] = u, at[(axis + 2) % 3] = v;
-            places.push_back(
-                {low.x + at[0] * quarter, low.y + at[1] * quarter, low.z + at[2] * quarter});
-          }
-    }
-    sort_and_unite(places);
-    // All of the lattice is there as far as its balls reach.
-    const SizeLaw& law = input_.sizes.law;
-    const auto is_in_lattice = [&](const Point& p) {
-      return law.has_core() && sizes_.room(p) >= (kLatticeMargin + 1) * law.growth * law.most;
-    };
-    std::vector<Point> starts;
-    for (const auto& [x, y, z] : places) {
-      const Point start = frame.position({x, y, z});
-      if (is_in_lattice(start)) continue;
-      const double distance = kStart * sizes_.at(start);
-      if (input_.box.squared_distance(start) <= distance * distance) starts.push_back(start);
     }
     return starts;
   }
@@ -333,24 +321,26 @@ class HoleSearch {
     });
   }
 
-  // Returns the radius of the hole that it finds, filled or not, over λ or h; 0 where no hole is,
-  // and none will be.
-  double search_from(const Point& start) {
-    const double size = sizes_.at(start), radius = kWorthClimbing * size;
-    if (points_->has_in_cube(start, radius) || !is_in_body(domain_.label(start)) ||
-        !points_->is_free(start, radius))
-      return 0;
-    const Point center = climber_.climb(start, size, *points_);
-    const double hole = climber_.height() * size / sizes_.at(center);
-    if (!is_in_leaf(input_.box, center) ||
-        !points_->is_free(center, hole_radius_ * sizes_.at(center)) ||
-        (!sizes_.is_uniform() && core_.has_within(center, sizes_.at(center))) ||
+  // Climbs from the start, and fills the hole that is there. Returns whether a later pass may find
+  // one: points only get more.
+  bool search_from(Start& start, const Pass& pass) {
+    const double least = pass.worth_later * start.size, worth = pass.worth * start.size;
+    if (points_->has_in_cube(start.point, least)) return false;
+    if (!start.is_inside) start.is_inside = is_in_body(domain_.label(start.point));
+    if (!*start.is_inside) return false;
+    const double squared = points_->squared_clearance(start.point, least, worth);
+    if (squared < worth * worth) return squared >= least * least;
+    const Point center = climber_.climb(start.point, start.size, *points_);
+    const double size = sizes_.at(center);
+    start.hole = climber_.height() * start.size / size;
+    if (!is_in_leaf(input_.box, center) || !points_->is_free(center, pass.hole_radius * size) ||
+        (!sizes_.is_uniform() && core_.has_within(center, size)) ||
         !is_in_body(domain_.label(center)) || !is_deep_enough(center))
-      return hole;
+      return true;
     found_.centers.push_back(center);
     points_->add(center);
     core_.append_met(center, found_.met_core);
-    return hole;
+    return true;
   }
 
   // Like a lattice point.
@@ -382,7 +372,6 @@ class HoleSearch {
   SiteBlock<std::uint8_t> is_there_;  // which sites are points of P
   Climber climber_;
   FillPoints found_;
-  double hole_radius_ = kHoleRadius;  // over λ, of those that are filled
 };
 
 }  // namespace

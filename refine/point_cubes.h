@@ -81,6 +81,16 @@ class CubesOf {
       return squared_distance(p, position(item)) >= radius * radius;
     });
   }
+  // The squared distance of the nearest item from p, or most² if none is closer. Once an item is
+  // closer than `least`, no other is looked at.
+  double squared_clearance(const Point& p, double least, double most) const {
+    double squared = most * most;
+    for_each_around(p, most, [&](const Item& item) {
+      squared = std::min(squared, squared_distance(p, position(item)));
+      return squared >= least * least;
+    });
+    return squared;
+  }
 
  private:
   using Cube = std::array<std::int32_t, 3>;

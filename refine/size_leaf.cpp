@@ -33,21 +33,35 @@ class SizeTree {
         nodes_(input.nodes, input.law.growth, input.frame) {}
 
   std::vector<SizeCube> run() {
-    descend(input_.leaf, {}, input_.shapes, nodes_.all());
+    descend(input_.leaf, {}, input_.shapes, nodes_.all(), nullptr);
     return std::move(cubes_);
   }
 
  private:
-  // `near`: of the node's center; what is nearest to it is close to what is to the parent's center.
-  // `shapes`, `branches`: all that matter in the node.
-  void descend(MortonKey node, NearestSurface::Known near, std::span<const SizeShape> shapes,
-               const SizeNodes::Branches& branches) {
+  // A place that was looked up, and what that tells of others around it.
+  struct Known {
+    Point place;
+    double distance = 0;  // from the surface, negative outside; 0: nothing is known
+    BodyId body = kNoBody;
+    NearestSurface::Known near;
+  };
+
+  // Distances of a node's corners from the surface, as SizeCube has them.
+  using Distances = std::array<float, 8>;
+
+  // `known`: near the node. `shapes`, `branches`: all that matter in it. `corners`: between which
+  // all that lies in it is interpolated; null: distances are to be looked up.
+  void descend(MortonKey node, Known known, std::span<const SizeShape> shapes,
+               const SizeNodes::Branches& branches, const Distances* corners) {
     poll_();
     const Box box = input_.frame.box(node);
     const double side = box.max.x - box.min.x;
     const Point center = box.center();
-    const auto [distance, body] = signed_distance(center, near);
-    near.bound = std::abs(distance) + kHalfDiagonal * side;
+    const auto [distance, body] = corners != nullptr
+                                      ? std::pair(interpolated(*corners, box, center), known.body)
+                                      : signed_distance(center, known);
+    known.place = center, known.distance = distance, known.body = body;
+    known.near.bound = std::abs(distance) + kHalfDiagonal * side;
     const SizeLaw& law = input_.law;
     double most = law.surface + law.growth * (std::max(0.0, distance) + kHalfDiagonal * side);
     SizeNodes::Branches& near_branches = branches_[std::size_t(node.level())];
@@ -60,21 +74,40 @@ class SizeTree {
     }
     const double asked =
         std::min(asked_at(center, shapes, near_branches, most), size_throughout(body));
+    const double most_asked = asked + law.growth * kHalfDiagonal * side * (1 + 1e-9);
+    const auto at = [&](std::uint32_t k) {
+      return at_corner(corner_of(node, k), known, shapes, near_branches, most_asked,
+                       corners != nullptr ? &(*corners)[k] : nullptr);
+    };
     if (!may_stay(node, side, distance, asked)) {
-      for (int octant = 0; octant < 8; ++octant)
-        descend(node.child(octant), near, shapes, near_branches);
+      Distances own;
+      if (corners == nullptr && distance > kHalfDiagonal * side) {
+        for (std::uint32_t k = 0; k < 8; ++k) own[k] = at(k).first;
+        if (is_nearly_linear(own, box, distance)) corners = &own;
+      }
+      for (int octant = 0; octant < 8; ++octant) {
+        const MortonKey child = node.child(octant);
+        if (corners == nullptr) {
+          descend(child, known, shapes, near_branches, nullptr);
+          continue;
+        }
+        Distances of_child;
+        for (std::uint32_t k = 0; k < 8; ++k)
+          of_child[k] =
+              down_to_step(interpolated(*corners, box, input_.frame.position(corner_of(child, k))));
+        descend(child, known, shapes, near_branches, &of_child);
+      }
       return;
     }
     SizeCube cube{.key = node};
-    const GridPoint low = node.grid_min();
-    const std::uint32_t steps = node.grid_side();
-    for (std::uint32_t k = 0; k < 8; ++k) {
-      const GridPoint corner{low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps,
-                             low.z + (k >> 2) * steps};
-      std::tie(cube.distance[k], cube.less[k]) =
-          at_corner(corner, near, shapes, near_branches,
-                    asked + law.growth * kHalfDiagonal * side * (1 + 1e-9));
+    // No surface passes through, and no cell lies there.
+    const bool is_outside = distance < 0 && -distance > kHalfDiagonal * side;
+    if (is_outside && shapes.empty() && near_branches.empty()) {
+      cube.distance.fill(-static_cast<float>(side));
+      cubes_.push_back(cube);
+      return;
     }
+    for (std::uint32_t k = 0; k < 8; ++k) std::tie(cube.distance[k], cube.less[k]) = at(k);
     if (distance > 0) cube.excess = up_to_step(interpolated(cube.distance, box, center) - distance);
     if (std::ranges::any_of(cube.less, [](float less) { return less > 0; })) {
       const bool is_of_one = std::abs(distance) > kHalfDiagonal * side;
@@ -82,10 +115,23 @@ class SizeTree {
                                                is_of_one ? std::optional(body) : std::nullopt));
       for (float& less : cube.less) less += more;
     }
-    // No surface passes through, and no cell lies there.
-    if (distance < 0 && -distance > kHalfDiagonal * side)
-      cube.distance.fill(-static_cast<float>(side));
+    if (is_outside) cube.distance.fill(-static_cast<float>(side));
     cubes_.push_back(cube);
+  }
+
+  // Is what the surface allows for at a place, where none passes, about what is interpolated? Then
+  // so it is in all of the node: distances bend less the farther the surface is, and where two of
+  // its sides are as far, what is interpolated is less. `distance`: of its center.
+  bool is_nearly_linear(const Distances& corners, const Box& box, double distance) const {
+    constexpr double kClose = 0.01;
+    const double change = input_.law.growth * (interpolated(corners, box, box.center()) - distance);
+    return std::abs(change) <= kClose * input_.law.at_distance(distance);
+  }
+
+  static GridPoint corner_of(MortonKey node, std::uint32_t k) {
+    const GridPoint low = node.grid_min();
+    const std::uint32_t steps = node.grid_side();
+    return {low.x + (k & 1) * steps, low.y + (k >> 1 & 1) * steps, low.z + (k >> 2) * steps};
   }
 
   // `distance`, `asked`: at its center.
@@ -139,30 +185,43 @@ class SizeTree {
     return most;
   }
 
+  float down_to_step(double v) const { return static_cast<float>(step_ * std::floor(v / step_)); }
   float up_to_step(double v) const {
     return static_cast<float>(step_ * std::ceil(std::max(0.0, v) / step_));
   }
 
-  // With the body that p is in.
-  std::pair<double, BodyId> signed_distance(const Point& p, NearestSurface::Known& near) const {
-    double distance = surface_.distance(p, near);
+  // With the body that p is in: as a place is that no surface comes between.
+  std::pair<double, BodyId> signed_distance(const Point& p, Known& known) const {
+    double distance = surface_.distance(p, known.near);
     if (distance > input_.exact_distance) distance = far_.distance(p, distance);
-    const BodyId body = domain_.label(p).value_or(kNoBody);
+    constexpr double kSurely = 0.9;  // far distances may be a little too large
+    const double empty = kSurely * known.distance;
+    const BodyId body = squared_distance(p, known.place) < empty * empty
+                            ? known.body
+                            : domain_.label(p).value_or(kNoBody);
     return {body != kNoBody ? distance : -distance, body};
   }
 
   // Its distance, and by how much less is asked for there than the surface so far away allows.
-  // Corners are shared by eight cubes; other leaves get the same.
-  std::pair<float, float> at_corner(const GridPoint& g, NearestSurface::Known near,
+  // Corners are shared by eight cubes; other leaves get about the same. `given`: its distance, if
+  // that is not to be looked up.
+  std::pair<float, float> at_corner(const GridPoint& g, Known known,
                                     std::span<const SizeShape> shapes,
-                                    const SizeNodes::Branches& branches, double most) {
+                                    const SizeNodes::Branches& branches, double most,
+                                    const float* given) {
     const auto [place, is_new] = corners_.try_emplace(std::array{g.x, g.y, g.z});
     auto& [distance, less] = place->second;
     if (!is_new) return place->second;
     const SizeLaw& law = input_.law;
     const Point p = input_.frame.position(g);
-    const auto [exact, body] = signed_distance(p, near);
-    distance = static_cast<float>(step_ * std::floor(exact / step_));
+    BodyId body = known.body;
+    if (given != nullptr) {
+      distance = *given;
+    } else {
+      double exact = 0;
+      std::tie(exact, body) = signed_distance(p, known);
+      distance = down_to_step(exact);
+    }
     const double throughout = size_throughout(body);
     if (!shapes.empty() || !branches.empty() || throughout < most)
       less = up_to_step(law.surface + law.growth * std::max(0.0F, distance) -

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <utility>
 
+#include "octree/near_cubes.h"
 #include "refine/cover_leaf.h"
 
 namespace locvol {
@@ -77,21 +78,23 @@ std::vector<MeshPoint> Surroundings::points(MortonKey leaf, double k) const {
   const double distance = run_.reach_of(leaf, k);
   const Box box = run_.box(leaf), nearly = box.expanded(distance);
   const double factor = reach_factor(run_.parameters().growth, k);
-  const bool is_uniform = run_.is_uniform();
   const SizeLaw law = run_.parameters().sizes();
-  const double near = std::min(distance, factor * law.least);  // any point's reach
   std::vector<MeshPoint> around;
   for (const MortonKey other : run_.octree().leaves_within(run_.frame(), box, distance)) {
     if (other == leaf || run_.leaves().info(other).num_points == 0) continue;
+    // Any point's reach there is between these.
+    const double least = factor * run_.least_size(other);
+    const double most = std::min(distance, run_.reach_of(other, k));
+    if (box.squared_distance(run_.box(other)) > most * most) continue;
     std::span<const SizeCube> cubes;
-    if (!is_uniform) cubes = run_.leaves().sizes(other).cubes;
+    if (least < most) cubes = run_.leaves().sizes(other).cubes;
     SizeCursor sizes(law, run_.frame(), cubes);
     std::ranges::copy_if(run_.leaves().points(other).points, std::back_inserter(around),
                          [&](const MeshPoint& p) {
                            if (!nearly.contains(p.position)) return false;
                            const double squared = box.squared_distance(p.position);
-                           if (squared > distance * distance) return false;
-                           if (is_uniform || squared <= near * near) return true;
+                           if (squared > most * most) return false;
+                           if (squared <= least * least) return true;
                            const double reach = factor * sizes.at(p.position);
                            return squared <= reach * reach;
                          });
@@ -153,8 +156,12 @@ SizeCubes Surroundings::sizes(MortonKey leaf, double k) const {
     return squared <= reach * reach;
   };
   for (const MortonKey other : run_.octree().leaves_within(frame, box, farthest)) {
-    std::ranges::copy_if(run_.leaves().sizes(other).cubes, std::back_inserter(sizes.cubes),
-                         reaches);
+    const double most = std::min(farthest, factor * run_.leaves().info(other).largest_size);
+    if (box.squared_distance(frame.box(other)) > most * most) continue;
+    for_each_cube_near(frame, other, run_.leaves().sizes(other).cubes, box, most,
+                       [&](const SizeCube& cube) {
+                         if (reaches(cube)) sizes.cubes.push_back(cube);
+                       });
     run_.leaves().trim();
   }
   unite(sizes.cubes);

@@ -6,7 +6,10 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <span>
+#include <vector>
 
+#include "octree/near_cubes.h"
 #include "octree/octree.h"
 
 namespace locvol {
@@ -80,6 +83,39 @@ TEST(SizeField, FindsTheSameCubesAsASearch) {
       EXPECT_FALSE(field.is_below(1.001 * h * h, 1, p));
     }
   }
+}
+
+// All that are near come in order, and of a box in a corner of the root not many others.
+TEST(NearCubes, AreAllThatAreNear) {
+  std::mt19937_64 random(13);
+  const SizeCubes all = cubes_at_a_plane({0.6, 0, 0.8}, 2);
+  const Box root = kPlaneFrame.root_box();
+  for (int round = 0; round < 100; ++round) {
+    const Box box = Box::around(random_point(random, root)).expanded(0.1);
+    const double distance = std::uniform_real_distribution<double>(0, 3)(random);
+    std::vector<MortonKey> visited, near;
+    for_each_cube_near(kPlaneFrame, MortonKey::root(), all.cubes, box, distance,
+                       [&](const SizeCube& cube) { visited.push_back(cube.key); });
+    for (const SizeCube& cube : all.cubes)
+      if (box.squared_distance(kPlaneFrame.box(cube.key)) <= distance * distance)
+        near.push_back(cube.key);
+    EXPECT_TRUE(std::ranges::is_sorted(visited));
+    EXPECT_TRUE(std::ranges::includes(visited, near));
+  }
+  std::size_t num_visited = 0;
+  for_each_cube_near(kPlaneFrame, MortonKey::root(), all.cubes, Box::around(root.min), 0.1,
+                     [&](const SizeCube&) { ++num_visited; });
+  EXPECT_LE(num_visited, all.cubes.size() / 4);
+}
+
+// A leaf may be smaller than the cube that it lies in.
+TEST(NearCubes, MayLieAroundTheNode) {
+  const SizeCubes all = cubes_at_a_plane({0.6, 0, 0.8}, 2);
+  const MortonKey leaf = all.cubes[3].key.child(2).child(5);
+  int num_visited = 0;
+  for_each_cube_near(kPlaneFrame, leaf, std::span(all.cubes).subspan(3, 1), kPlaneFrame.box(leaf),
+                     0, [&](const SizeCube&) { ++num_visited; });
+  EXPECT_EQ(num_visited, 1);
 }
 
 TEST(SizeField, StopsAtItsBound) {
