@@ -703,14 +703,15 @@ std::vector<Body> Mesh::bodies() const {
   return translated({}, [&] { return public_bodies(impl_->open().snapshot().sheets()); });
 }
 
-std::uint64_t Mesh::write(const std::filesystem::path& file, int order) const {
+std::uint64_t Mesh::write(const std::filesystem::path& file, const FileOptions& options) const {
   return translated({}, [&] {
     impl_->require_complete();
     const OutputOptions output = {.format = format_meant_by(file),
-                                  .order = is_second(order) ? 2 : 1};
-    const WriteSummary written = write_mesh(impl_->open(), file, output, impl_->num_threads);
-    impl_->num_vertices = written.num_vertices;
-    return written.bytes;
+                                  .has_quality = options.has_quality,
+                                  .has_boundary = options.has_boundary,
+                                  .splits_interfaces = options.splits_interfaces,
+                                  .order = is_second(options.order) ? 2 : 1};
+    return write_mesh(impl_->open(), file, output, impl_->num_threads).bytes;
   });
 }
 

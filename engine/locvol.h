@@ -377,6 +377,14 @@ class Stream {
   std::function<std::shared_ptr<const Piece>()> next_;
 };
 
+/// What Mesh::write() puts into a file besides vertices and cells.
+struct FileOptions {
+  int order = 1;                   ///< 2: cells with a node in the middle of each edge.
+  bool has_boundary = false;       ///< Facets, creases and corners, in formats that lack them else.
+  bool has_quality = false;        ///< What measures each cell: .vtu and .vtkhdf.
+  bool splits_interfaces = false;  ///< Each of several bodies has vertices of its own, for contact.
+};
+
 /// A run's result. It reads from the store, and holds no part of the mesh in memory.
 /// Threads: used by one at a time, and not from within a function that it calls.
 class Mesh {
@@ -427,9 +435,9 @@ class Mesh {
   /// Writes the mesh in the format that the file's extension means: .vtu, .vtkhdf, .msh (Gmsh 4.1),
   /// .mesh and .meshb (Medit), .inp (Abaqus), .node with .ele (TetGen); or its boundary: .stl,
   /// .ply, .obj. The file appears under its name only when it is whole. Returns its bytes. Throws
-  /// Error (kInput) before a byte is written if the format cannot hold the mesh. `order`: as of
-  /// for_each_chunk(); formats of the boundary have 1 alone. REQUIRES: is_complete()
-  std::uint64_t write(const std::filesystem::path& file, int order = 1) const;
+  /// Error (kInput) before a byte is written if the format cannot hold the mesh, or what is asked
+  /// for; formats of the boundary have order 1 alone. REQUIRES: is_complete()
+  std::uint64_t write(const std::filesystem::path& file, const FileOptions& options = {}) const;
 
  private:
   friend struct MeshAccess;

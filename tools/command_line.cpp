@@ -146,15 +146,15 @@ CLI::Option* add_cell_data(CLI::App& app, OutputOptions& options) {
 }
 
 void check_output(const OutputOptions& options) {
-  if (options.has_quality && !info_of(options.format).has_cell_data)
-    throw CLI::ValidationError("--cell-data",
-                               fmt::format("{} holds no cell data: write vtu, vtu-zlib or vtkhdf",
-                                           info_of(options.format).name));
-  try {
-    require_order(options);
-  } catch (const InputError& error) {
-    throw CLI::ValidationError("--order", error.what());
-  }
+  const auto check = [&](const char* option, const auto& require) {
+    try {
+      require(options);
+    } catch (const InputError& error) {
+      throw CLI::ValidationError(option, error.what());
+    }
+  };
+  check("--cell-data", require_cell_data);
+  check("--order", require_order);
 }
 
 CLI::Option* add_boundary(CLI::App& app, OutputOptions& options) {

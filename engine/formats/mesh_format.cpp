@@ -304,6 +304,16 @@ void require_order(const OutputOptions& output) {
                                fmt::join(names, ", ")));
 }
 
+void require_cell_data(const OutputOptions& output) {
+  const FormatInfo& info = info_of(output.format);
+  if (!output.has_quality || info.has_cell_data) return;
+  std::vector<std::string_view> names;
+  for (const FormatInfo& other : mesh_formats())
+    if (other.has_cell_data) names.push_back(other.name);
+  throw InputError(
+      fmt::format("{} holds no cell data: write {}", info.name, fmt::join(names, ", ")));
+}
+
 OutputOptions of_surface(OutputOptions output) {
   const FormatInfo& info = info_of(output.format);
   const auto refuse = [](const std::string& what) {

@@ -66,6 +66,8 @@ void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesy
 
 // Throws InputError if the format has no cells of the order; the message names those that have.
 void require_order(const OutputOptions& output);
+// Likewise if cells are to have measures, and the format has no data of cells.
+void require_cell_data(const OutputOptions& output);
 
 // Of a run of the surface alone: what is to be written, with the boundary where the format has it
 // on request. Throws InputError if the format, or what is asked of it, has no sense without cells.

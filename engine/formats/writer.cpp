@@ -112,6 +112,7 @@ WriteSummary write_mesh(const Store& store, const std::filesystem::path& file,
                         const OutputOptions& asked, int num_threads, const StepProgress& on_step,
                         const StopToken* stop, Exchange& exchange) {
   require_order(asked);
+  require_cell_data(asked);
   MeshSource mesh(store, file, num_threads, on_step, stop, exchange,
                   {.order = asked.order, .is_split = asked.splits_interfaces});
   const OutputOptions options = mesh.is_surface_only() ? of_surface(asked) : asked;

@@ -311,7 +311,7 @@ TEST(Library, HandsOutCellsOfSecondOrder) {
   Options options = torus_options(dir);
   options.size = Size::length(0.06);
   const Mesh mesh = mesh_surface(torus_arrays().surface(), options);
-  mesh.write(dir / "torus.vtu", 2);
+  mesh.write(dir / "torus.vtu", {.order = 2});
   const VtuArrays vtu(dir / "torus.vtu");
   const auto positions = vtu.array<Coordinates>("Float64", "Points");
   const auto expected = vtu.array<std::array<std::int32_t, 10>>("Int32", "connectivity");
@@ -347,8 +347,9 @@ TEST(Library, HandsOutCellsOfSecondOrder) {
           for (const std::uint64_t node : nodes) EXPECT_GE(node, mesh.num_vertices());
       },
       2);
-  EXPECT_EQ(code_of([&] { mesh.write(dir / "torus.vtu", 3); }, "order 3"), ErrorCode::kInput);
-  EXPECT_EQ(code_of([&] { mesh.write(dir / "torus.stl", 2); }, "no cells of order 2"),
+  EXPECT_EQ(code_of([&] { mesh.write(dir / "torus.vtu", {.order = 3}); }, "order 3"),
+            ErrorCode::kInput);
+  EXPECT_EQ(code_of([&] { mesh.write(dir / "torus.stl", {.order = 2}); }, "no cells of order 2"),
             ErrorCode::kInput);
 }
 
@@ -800,6 +801,24 @@ TEST(Library, SeveralBodiesShareTheirVertices) {
   });
   EXPECT_GT(num_facets[0], 0u);
   EXPECT_GT(num_facets[1], 0u);
+
+  // For contact each body has its own, and a vertex of theirs is there twice.
+  std::set<std::uint64_t> on_interface;
+  mesh.for_each_boundary_chunk([&](const BoundaryChunk& chunk) {
+    for (std::size_t f = 0; f < chunk.facets.size(); ++f)
+      if (chunk.bodies[f][1] != 0)
+        on_interface.insert(chunk.facets[f].begin(), chunk.facets[f].end());
+  });
+  const auto num_in_file = [&](const FileOptions& asked) {
+    mesh.write(dir / "parts.vtu", asked);
+    return VtuArrays(dir / "parts.vtu").array<Coordinates>("Float64", "Points").size();
+  };
+  EXPECT_EQ(num_in_file({}), mesh.num_vertices());
+  EXPECT_EQ(num_in_file({.splits_interfaces = true}), mesh.num_vertices() + on_interface.size());
+  EXPECT_EQ(num_in_file({}), mesh.num_vertices());  // not what the last file had
+  EXPECT_EQ(code_of([&] { mesh.write(dir / "parts.inp", {.has_quality = true}); },
+                    "abaqus holds no cell data: write vtu, vtu-zlib, vtkhdf"),
+            ErrorCode::kInput);
 
   options.has_bodies = true;
   EXPECT_EQ(mesh_surface(in_groups, options).summary().num_cells, mesh.summary().num_cells);

@@ -253,10 +253,7 @@ OutputOptions output_options(const std::filesystem::path& file, const std::strin
     output.splits_interfaces = split_interfaces;
     if (order != 1 && order != 2)
       throw Error(ErrorCode::kInput, fmt::format("cells of order {}: give 1 or 2", order));
-    if (quality && !info_of(output.format).has_cell_data)
-      throw Error(ErrorCode::kInput,
-                  fmt::format("{} holds no cell data: write vtu, vtu-zlib or vtkhdf",
-                              info_of(output.format).name));
+    require_cell_data(output);
     require_order(output);
     return output;
   });
