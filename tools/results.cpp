@@ -388,6 +388,8 @@ std::string parameters_text(const RunParameters& parameters) {
           : parameters.inside == InsideRule::kWrap
               ? row("inside is", "what wraps the surface encloses")
               : "") +
+         (parameters.wrap_alpha > 0 ? row("wrap alpha", "{}", parameters.wrap_alpha) : "") +
+         (parameters.wrap_offset > 0 ? row("wrap offset", "{}", parameters.wrap_offset) : "") +
          (parameters.is_surface_only ? row("mesh of", "the surface alone") : "") +
          row("leaf capacity κ", "{}", parameters.leaf_capacity) +
          row("initialization", "{}, seed {}", init_name(parameters.init), parameters.seed) +
