@@ -440,8 +440,7 @@ void SurfaceSampler::take_in_creases(std::span<const Point> points) {
   }
   if (largest_ball_ == 0) return;
   constexpr double kMostCubes = 128;  // in a row: balls may be small for the leaf
-  const Box region = domain_.region();
-  balls_.emplace(region, cube_side(region, largest_ball_, kMostCubes, balls.size()), balls);
+  balls_.emplace(domain_.region(), largest_ball_, kMostCubes, balls);
 }
 
 bool SurfaceSampler::is_out_of_balls(const Point& p) const {

@@ -135,8 +135,8 @@ class HoleSearch {
     Box known = input.box;
     for (const Point& p : all) known = known.joined(p);
     const double side = std::min(size_, sizes.least());
-    points_.emplace(known, cube_side(known, side, kMostCubes, all.size()), all);
-    samples_.emplace(known, cube_side(known, side, kMostCubes, samples.size()), samples);
+    points_.emplace(known, side, kMostCubes, all);
+    samples_.emplace(known, side, kMostCubes, samples);
   }
 
   FillPoints run() { return sizes_.is_uniform() ? search_lattice() : search_cubes(); }

@@ -27,9 +27,7 @@ LeafCreases::LeafCreases(const LeafDomain& domain, const LeafMesh& mesh,
     largest_radius_ = std::max(largest_radius_, radius_[i]);
   }
   constexpr double kMostCubes = 64;  // in a row
-  const double side =
-      cube_side(domain.region(), std::max(largest_radius_, 0.1 * size), kMostCubes, balls.size());
-  balls_.emplace(domain.region(), side, balls);
+  balls_.emplace(domain.region(), std::max(largest_radius_, 0.1 * size), kMostCubes, balls);
   for (LocalIndex v = 0; v < mesh.num_locals(); ++v) add(v);
 }
 

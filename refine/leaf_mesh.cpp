@@ -114,8 +114,7 @@ LeafMesh::LeafMesh(const LeafInput& input, const Surroundings& around, OwnPoints
     positions.reserve(input.own.size());
     for (const MeshPoint& p : input.own) positions.push_back(p.position);
     constexpr double kMostCubes = 128;  // in a row
-    own_cubes.emplace(input.box, cube_side(input.box, reach, kMostCubes, positions.size()),
-                      positions);
+    own_cubes.emplace(input.box, reach, kMostCubes, positions);
   }
   std::vector<Local> locals;
   locals.reserve(input.own.size() + input.ghosts.size());

@@ -32,9 +32,9 @@ inline double cube_side(const Box& box, double wanted, double most_in_row, std::
 template <class Item>
 class CubesOf {
  public:
-  // What lies outside the box joins its outermost cubes.
-  CubesOf(const Box& box, double side, std::span<const Item> items)
-      : origin_(box.min), inverse_side_(1 / side) {
+  // What lies outside the box joins its outermost cubes. `wanted`, `most_in_row`: see cube_side()
+  CubesOf(const Box& box, double wanted, double most_in_row, std::span<const Item> items)
+      : origin_(box.min), inverse_side_(1 / cube_side(box, wanted, most_in_row, items.size())) {
     for (int axis = 0; axis < 3; ++axis)
       shape_[std::size_t(axis)] =
           1 + static_cast<std::int32_t>((box.max[axis] - box.min[axis]) * inverse_side_);

@@ -654,8 +654,7 @@ const PointCubes& Refinement::corners() {
   constexpr double kMostCubes = 64;  // in a row
   const std::vector<Point> all = surroundings_.domain.vertices();
   const Box& region = surroundings_.domain.region();
-  const double side = cube_side(region, input_.criteria.size, kMostCubes, all.size());
-  return corner_cubes_.emplace(region, side, all);
+  return corner_cubes_.emplace(region, input_.criteria.size, kMostCubes, all);
 }
 
 // Too few points for a cell, but some on the surface: corners of it within λ, each the farthest

@@ -35,7 +35,7 @@ CubesOf<Item> Revisit::cubes_of(const LeafInput& input, std::span<const Item> it
   const double reach = input.criteria.reach;
   const Box box = std::isfinite(reach) ? input.box.expanded(reach) : input.box;
   constexpr double kMostCubes = 64;  // in a row
-  return {box, cube_side(box, input.criteria.size, kMostCubes, items.size()), items};
+  return {box, input.criteria.size, kMostCubes, items};
 }
 
 CubesOf<Revisit::Numbered> Revisit::cubes_of_all(const LeafInput& input) {

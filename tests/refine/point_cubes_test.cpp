@@ -23,7 +23,7 @@ TEST(PointCubes, TellsHowFarTheNearestPointIs) {
   for (const std::size_t num : {0, 1, 30, 500}) {
     std::vector<Point> points;
     for (std::size_t n = 0; n < num; ++n) points.push_back(uniform_in(random, box));
-    PointCubes cubes(box, 0.15, points);
+    PointCubes cubes(box, 0.15, 128, points);
     for (std::size_t n = 0; n < num / 10; ++n) {
       points.push_back(uniform_in(random, box));
       cubes.add(points.back());

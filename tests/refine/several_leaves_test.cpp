@@ -674,7 +674,7 @@ TEST_P(ImprovedInSeveralLeaves, SurfacePointsThatMoveHideWhatTheyHid) {
   for (const MeshPoint& p : run.points())
     if (p.kind != PointKind::kInserted && p.kind != PointKind::kVolume)
       (p.kind == PointKind::kSurface ? samples : hidden).push_back(p.position);
-  const PointCubes near_samples(space, size, samples), near_hidden(space, size, hidden);
+  const PointCubes near_samples(space, size, 128, samples), near_hidden(space, size, 128, hidden);
   constexpr unsigned kSeed = 97;
   shapes::Random random(kSeed);
   for (const Point& p : shapes::random_points_on(run.mesh(), 100'000, random)) {
