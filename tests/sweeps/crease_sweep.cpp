@@ -3,18 +3,15 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
-#include <mutex>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "tests/sweeps/shape_trial.h"
 #include "tests/sweeps/shapes/creased.h"
-#include "tests/temp_dir.h"
+#include "tests/sweeps/sweep_jobs.h"
 
 namespace locvol::sweeps {
 namespace {
@@ -49,10 +46,9 @@ class CreaseSweep {
   }
 
   bool run() {
-    std::vector<std::jthread> jobs;
-    for (int job = 0; job < options_.num_jobs; ++job) jobs.emplace_back([this] { work(); });
-    jobs.clear();  // joins
-    if (error_) std::rethrow_exception(error_);
+    for_each_in_jobs(
+        shapes_.size(), options_.num_jobs,
+        [this](std::size_t i, const std::filesystem::path& directory) { try_shape(i, directory); });
     fmt::print("{:<26}{:>9}{:>10}{:>8}{:>8}{:>7}{:>8}{:>8}{:>8}{:>7}\n", "shape, λ = 1", "",
                "creases", "kept %", "cells", "sites", "degrees", "poor", "forced", "s");
     bool is_good = true;
@@ -64,20 +60,14 @@ class CreaseSweep {
   }
 
  private:
-  void work() try {
-    const TempDir directory;
-    for (std::size_t i = next_++; i < shapes_.size(); i = next_++) {
-      const std::string stem = file_stem(shapes_[i]);
-      const ShapeCase made{.family = stem,
-                           .solid = shapes_[i].solid,
-                           .size = options_.size,
-                           .leaf_capacity = options_.leaf_capacity};
-      if (!options_.keep.empty()) made.write_surface(options_.keep);
-      results_[i] = try_case(made, directory.path(), options_.limit);
-    }
-  } catch (...) {
-    const std::lock_guard lock(mutex_);
-    error_ = std::current_exception();
+  void try_shape(std::size_t i, const std::filesystem::path& directory) {
+    const std::string stem = file_stem(shapes_[i]);
+    const ShapeCase made{.family = stem,
+                         .solid = shapes_[i].solid,
+                         .size = options_.size,
+                         .leaf_capacity = options_.leaf_capacity};
+    if (!options_.keep.empty()) made.write_surface(options_.keep);
+    results_[i] = try_case(made, directory, options_.limit);
   }
 
   bool is_as_expected(std::size_t i) const {
@@ -100,9 +90,6 @@ class CreaseSweep {
   const Options options_;
   std::vector<CreasedShape> shapes_;
   std::vector<TrialResult> results_;
-  std::atomic<std::size_t> next_ = 0;
-  std::mutex mutex_;
-  std::exception_ptr error_;
 };
 
 }  // namespace

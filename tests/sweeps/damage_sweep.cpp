@@ -5,7 +5,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <exception>
@@ -16,7 +15,6 @@
 #include <numbers>
 #include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -27,6 +25,7 @@
 #include "refine/domain/triangle_tree.h"
 #include "tests/sweeps/limited_run.h"
 #include "tests/sweeps/shapes/damaged.h"
+#include "tests/sweeps/sweep_jobs.h"
 #include "tests/temp_dir.h"
 
 namespace locvol::sweeps {
@@ -253,10 +252,9 @@ class DamageSweep {
   bool run() {
     fmt::print("{:<22}{:<16}{:>9}{:>7}{:>9}{:>7}{:>8}{:>8}{:>9}\n", "surface", "damage", "", "s",
                "cells", "sites", "there λ", "back λ", "differ %");
-    std::vector<std::jthread> jobs;
-    for (int job = 0; job < options_.num_jobs; ++job) jobs.emplace_back([this] { work(); });
-    jobs.clear();  // joins
-    if (error_) std::rethrow_exception(error_);
+    for_each_in_jobs(
+        results_.size(), options_.num_jobs,
+        [this](std::size_t i, const std::filesystem::path& directory) { mesh(i, directory); });
     print_sums();
     bool is_good = true;
     for (std::size_t i = 0; i < results_.size(); ++i) is_good = is_good && is_as_expected(i);
@@ -267,22 +265,17 @@ class DamageSweep {
   const SoundSurface& surface(std::size_t i) const { return surfaces_[i / damages_.size()]; }
   const Damage& damage(std::size_t i) const { return damages_[i % damages_.size()]; }
 
-  void work() try {
-    const TempDir directory;
-    for (std::size_t i = next_++; i < results_.size(); i = next_++) {
-      const auto made = damaged(surface(i).shape, damage(i), options_.seed);
-      if (!made) continue;
-      if (!options_.keep.empty()) write_off(made->shape, options_.keep / (stem(i) + ".off"));
-      const Point sides = box_of(surface(i).shape).max - box_of(surface(i).shape).min;
-      const double size = options_.size / 100 * std::min({sides.x, sides.y, sides.z});
-      Result result = Trial(*made, size, directory.path(), options_.limit).result();
-      const std::lock_guard lock(mutex_);
-      results_[i] = std::move(result);
-      print_row(i);
-    }
-  } catch (...) {
+  void mesh(std::size_t i, const std::filesystem::path& directory) {
+    const auto made = damaged(surface(i).shape, damage(i), options_.seed);
+    if (!made) return;
+    if (!options_.keep.empty()) write_off(made->shape, options_.keep / (stem(i) + ".off"));
+    const Box box = box_of(surface(i).shape);
+    const Point sides = box.max - box.min;
+    const double size = options_.size / 100 * std::min({sides.x, sides.y, sides.z});
+    Result result = Trial(*made, size, directory, options_.limit).result();
     const std::lock_guard lock(mutex_);
-    error_ = std::current_exception();
+    results_[i] = std::move(result);
+    print_row(i);
   }
 
   std::string stem(std::size_t i) const {
@@ -331,9 +324,7 @@ class DamageSweep {
   std::vector<SoundSurface> surfaces_;
   std::vector<Damage> damages_;
   std::vector<Result> results_;
-  std::atomic<std::size_t> next_ = 0;
-  std::mutex mutex_;
-  std::exception_ptr error_;
+  std::mutex mutex_;  // of rows that are printed
 };
 
 }  // namespace
