@@ -294,24 +294,33 @@ void check_limits(MeshFormat format, const MeshCounts& counts, const std::filesy
   }
 }
 
+namespace {
+
+// Of the formats that are as wanted, in a list.
+template <class IsWanted>
+std::string list_of_formats(const IsWanted& is_wanted) {
+  std::vector<std::string_view> names;
+  for (const FormatInfo& format : mesh_formats())
+    if (is_wanted(format)) names.push_back(format.name);
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+}  // namespace
+
 void require_order(const OutputOptions& output) {
   const FormatInfo& info = info_of(output.format);
   if (output.order == 1 || info.has_second_order()) return;
-  std::vector<std::string_view> names;
-  for (const FormatInfo& other : mesh_formats())
-    if (other.has_second_order()) names.push_back(other.name);
-  throw InputError(fmt::format("{} has no cells of order {}: write {}", info.name, output.order,
-                               fmt::join(names, ", ")));
+  throw InputError(fmt::format(
+      "{} has no cells of order {}: write {}", info.name, output.order,
+      list_of_formats([](const FormatInfo& other) { return other.has_second_order(); })));
 }
 
 void require_cell_data(const OutputOptions& output) {
   const FormatInfo& info = info_of(output.format);
   if (!output.has_quality || info.has_cell_data) return;
-  std::vector<std::string_view> names;
-  for (const FormatInfo& other : mesh_formats())
-    if (other.has_cell_data) names.push_back(other.name);
   throw InputError(
-      fmt::format("{} holds no cell data: write {}", info.name, fmt::join(names, ", ")));
+      fmt::format("{} holds no cell data: write {}", info.name,
+                  list_of_formats([](const FormatInfo& other) { return other.has_cell_data; })));
 }
 
 OutputOptions of_surface(OutputOptions output) {

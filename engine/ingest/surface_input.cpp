@@ -41,6 +41,7 @@ constexpr std::size_t kMaxPieceTriangles = 1'000'000;
 constexpr double kNear = 1e-11;
 constexpr double kRoundedSteps = 2;  // √3, and room: both of two points may be rounded
 constexpr int kMostNearRounds = 10;
+constexpr std::uint64_t kFewChanges = 500;  // which may become more from round to round
 // Of the longest side of the box: points at open edges that are closer become one before what is
 // open is closed.
 constexpr double kMostJoined = 1e-4;
@@ -49,7 +50,6 @@ constexpr double kMostJoined = 1e-4;
 constexpr double kMostDoubt = 0.25;
 // What they take of so many triangles; see README.md.
 std::uint64_t winding_bytes(std::uint64_t num_triangles) { return 1200 * num_triangles; }
-constexpr std::uint64_t kFewChanges = 500;  // which may become more from round to round
 
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
 // order in which each check may rely on those before it.

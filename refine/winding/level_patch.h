@@ -18,8 +18,7 @@ struct PatchCounts {
 // Closes the open edges of what bounds something but for its holes.
 //   - Pieces that are narrower than three times the spacing, and bound nothing, go.
 //   - A hole is filled by triangles without new vertices if it is as narrow; a wider one if they
-//   lie
-//     where the winding number is nearly 1/2.
+//     lie where the winding number is nearly 1/2.
 //   - Over the others goes the level 1/2, on a grid of that spacing (by marching tetrahedra). Open
 //     edges are halved to the spacing, and what is left between grid and edges is filled.
 // Afterwards the chain is closed. Throws Stopped.
