@@ -198,6 +198,13 @@ void CreaseGraph::remove(Index i) {
     std::erase(on_edge_[edge], i);
 }
 
+bool CreaseGraph::has_point_at(const Place& place) const {
+  if (place.along <= 0 || place.along >= lengths_[place.edge])
+    return has_point_at(ends_[place.edge][place.along > 0]);
+  return std::ranges::binary_search(on_edge_[place.edge], place.along, {},
+                                    [&](Index i) { return points_[i].place.along; });
+}
+
 CreaseGraph::Index CreaseGraph::next_on_edge(const Heading& heading) const {
   const std::vector<Index>& there = on_edge_[heading.from.edge];
   const auto along = [&](Index i) { return points_[i].place.along; };

@@ -95,6 +95,7 @@ class CreaseGraph {
   const Place& place(Index i) const { return points_[i].place; }
   bool has_point_at(Vertex v) const { return point_at_[v] != kNone; }
   Index point_at(Vertex v) const { return point_at_[v]; }
+  bool has_point_at(const Place& place) const;
   // The first point on an edge beyond a place of it.
   Index next_on_edge(const Heading& heading) const;
   struct Neighbor {

@@ -362,7 +362,7 @@ class CreaseSampler {
       if (low > high) continue;
       const Place middle{e, 0.5 * (low + high) * graph_.length(e)};
       const Point p = graph_.position(middle);
-      if (!is_own(p)) continue;
+      if (!is_own(p) || graph_.has_point_at(middle)) continue;
       const auto is_near_point = [&](bool is_forward) {
         const Way way_to = way_along({middle, is_forward});
         return way_to.end != CreaseGraph::kNone && way_to.measure() <= 1;
