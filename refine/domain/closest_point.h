@@ -29,6 +29,24 @@ inline Point closest_on_triangle(const std::array<Point, 3>& corners, const Poin
       [&](const Point& p) { return squared_distance(p, q); });
 }
 
+// Is all of the triangle farther than √squared: its plane, or that through one of its sides and
+// across it, which has it on the other side? Many that are farther are not found; rounding makes the
+// distances wrong by no more than coordinates are.
+inline bool is_farther_by_a_plane(const std::array<Point, 3>& corners, const Point& q,
+                                  double squared) {
+  const auto& [a, b, c] = corners;
+  const Point normal = cross(b - a, c - a);
+  const double most = squared * dot(normal, normal);
+  const double above = dot(q - a, normal);
+  if (above * above > most) return true;
+  const auto is_beyond = [&](const Point& from, const Point& to) {
+    const Point along = to - from;
+    const double inside = dot(cross(along, q - from), normal);
+    return inside < 0 && inside * inside > most * dot(along, along);
+  };
+  return is_beyond(a, b) || is_beyond(b, c) || is_beyond(c, a);
+}
+
 // How far that is; the foot in the plane needs no place.
 inline double squared_distance(const Triangle& triangle, const Point& q) {
   const auto& [a, b, c] = triangle.corners;

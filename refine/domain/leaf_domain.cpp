@@ -16,6 +16,7 @@ namespace {
 constexpr int kMinGridSide = 4;
 constexpr std::size_t kUsualGridCells = 48 * 48 * 48;
 constexpr std::size_t kMaxGridCells = std::size_t{1} << 22;
+constexpr double kAnywhere = std::numeric_limits<double>::infinity();
 constexpr std::uint8_t kMaxRings = 254;  // distances beyond it are not told apart
 
 Crossing crossing_of(const Point& a, const Point& b, const Triangle& triangle) {
@@ -120,6 +121,8 @@ struct LeafDomain::Impl {
   void spread_over_row(int i0, int j, int k, int from);
   void spread(const std::array<int, 3>& a, const std::array<int, 3>& b);
   DomainState change_between(const Point& a, const Point& b, std::span<const Index> some) const;
+  template <class Visit>
+  bool for_each_cell_near(const Point& p, double distance, Visit visit) const;
   template <class Visit>
   bool for_each_held_near(const Point& p, double distance, Visit visit) const;
   template <class Visit>
@@ -475,10 +478,10 @@ double LeafDomain::distance_bound(const Point& p) const {
   return impl_->distance_bound(impl_->rings[impl_->index(i, j, k)]);
 }
 
-// Calls visit(triangle) for what the grid cells closer to p than `distance` hold, until it says
-// false; the same triangle often.
+// Calls visit(cell) for the grid cells with triangles closer to p than `distance`, until it says
+// false.
 template <class Visit>
-bool LeafDomain::Impl::for_each_held_near(const Point& p, double distance, Visit visit) const {
+bool LeafDomain::Impl::for_each_cell_near(const Point& p, double distance, Visit visit) const {
   const Point d{distance, distance, distance};
   const auto low = cell_of(p - d), high = cell_of(p + d);
   const auto squared_gap = [&](int axis, int c) {  // between p and the cells
@@ -495,11 +498,17 @@ bool LeafDomain::Impl::for_each_held_near(const Point& p, double distance, Visit
         if (word == low[0] / kWord) bits &= ~std::uint64_t{0} << low[0] % kWord;
         if (word == high[0] / kWord) bits &= ~std::uint64_t{0} >> (kWord - 1 - high[0] % kWord);
         for (; bits != 0; bits &= bits - 1)
-          for (const Index t : held_by(index(kWord * word + std::countr_zero(bits), j, k)))
-            if (!visit(t)) return false;
+          if (!visit(index(kWord * word + std::countr_zero(bits), j, k))) return false;
       }
     }
   return true;
+}
+
+// Calls visit(triangle) for what these cells hold, until it says false; the same triangle often.
+template <class Visit>
+bool LeafDomain::Impl::for_each_held_near(const Point& p, double distance, Visit visit) const {
+  return for_each_cell_near(
+      p, distance, [&](std::size_t cell) { return std::ranges::all_of(held_by(cell), visit); });
 }
 
 // Down the rings from a grid cell to one that holds triangles, which is about the nearest.
@@ -539,20 +548,32 @@ std::optional<LeafDomain::Closest> LeafDomain::closest_triangle(
     const Point& p, double distance, const std::optional<DomainState>& change) const {
   std::optional<Closest> closest;
   double least = distance * distance;
+  // Of those as close, the first is taken: rounding leaves none of them out.
+  const auto square_with_slack = [&](double length) {
+    return (length + impl_->slack) * (length + impl_->slack);
+  };
+  double bound = square_with_slack(distance);
   const auto look_at = [&](Impl::Index t) {
-    if (impl_->boxes[t].squared_distance(p) > least) return true;
-    if (change && change_across(impl_->triangles[t]) != *change) return true;
-    const Point q = closest_on_triangle(impl_->triangles[t].corners, p);
+    if (impl_->boxes[t].squared_distance(p) > least) return;
+    const Triangle& triangle = impl_->triangles[t];
+    if (change && change_across(triangle) != *change) return;
+    if (is_farther_by_a_plane(triangle.corners, p, bound)) return;
+    const Point q = closest_on_triangle(triangle.corners, p);
     const double d = squared_distance(p, q);
-    if (d < least || (d == least && closest && t < closest->triangle)) closest = {q, t}, least = d;
-    return true;
+    if (!(d < least || (d == least && closest && t < closest->triangle))) return;
+    closest = {q, t}, least = d;
+    bound = square_with_slack(std::sqrt(least));
   };
   if (impl_->triangles.empty()) return closest;
   const auto [i, j, k] = impl_->cell_with_triangles(impl_->cell_of(p));
-  for (const Impl::Index t : impl_->held_by(impl_->index(i, j, k))) look_at(t);
-  constexpr double kSlack = 1e-9;  // of those as close, the first is taken
+  const std::size_t guess = impl_->index(i, j, k);
+  std::ranges::for_each(impl_->held_by(guess), look_at);
+  constexpr double kSlack = 1e-9;
   if (std::isfinite(least))
-    impl_->for_each_held_near(p, (1 + kSlack) * std::sqrt(least), look_at);
+    impl_->for_each_cell_near(p, (1 + kSlack) * std::sqrt(least), [&](std::size_t cell) {
+      if (cell != guess) std::ranges::for_each(impl_->held_by(cell), look_at);
+      return true;
+    });
   else
     for (Impl::Index t = 0; t < impl_->triangles.size(); ++t) look_at(t);
   return closest;
@@ -571,7 +592,6 @@ SheetId LeafDomain::sheet_of_facet(const std::array<Point, 3>& corners, BodyId b
   std::array<Point, 3> sorted = corners;  // the same centroid in whatever order they come
   std::ranges::sort(sorted);
   const Point centroid = 1.0 / 3 * (sorted[0] + sorted[1] + sorted[2]);
-  constexpr double kAnywhere = std::numeric_limits<double>::infinity();
   auto closest = closest_triangle(centroid, kAnywhere, std::nullopt);
   if (!closest) return kOnlySheet;
   // Nearly always it parts these bodies; not so beside a thin layer, where facets lie deeper.
