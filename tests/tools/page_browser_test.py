@@ -56,7 +56,7 @@ class PageTest(unittest.TestCase):
                "600")
         locvol("report", store, "-o", cls.dir / "whole.html")
         locvol("report", store, "-o", cls.dir / "planes.html", "--cells", "15000")
-        cls.browser = browser.Browser(1200, 800).__enter__()
+        cls.browser = browser.Browser(640, 480).__enter__()
 
     @classmethod
     def tearDownClass(cls):
@@ -228,7 +228,7 @@ class PageTest(unittest.TestCase):
 
     def test_fits_screens(self):
         self.open("whole.html")
-        self.addCleanup(self.browser.resize, 1200, 800)
+        self.addCleanup(self.browser.resize, 640, 480)
         for width in (320, 390, 700, 1000, 1920):
             self.browser.resize(width, 800)
             inner, page, table = self.browser.run("""
