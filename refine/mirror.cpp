@@ -72,6 +72,14 @@ bool sees(const LeafDomain& domain, const Point& p, const Point& place,
   return std::ranges::none_of(met, [](const Crossing& c) { return c.t > kEnd && c.t < 1 - kEnd; });
 }
 
+// The triangles near a place, sheet by sheet: there may be hundreds of these.
+void find_by_sheets(const LeafDomain& domain, const Point& p, double distance,
+                    std::vector<Triangle>& out) {
+  domain.triangles_near(p, distance, out);
+  if (!std::ranges::is_sorted(out, {}, &Triangle::sheet))
+    std::ranges::stable_sort(out, {}, &Triangle::sheet);
+}
+
 }  // namespace
 
 SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
@@ -82,11 +90,11 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
   const SurfaceSide& here = closest_here->side;
   const Point outwards = unit(here.normal);
   std::vector<Triangle> near;
-  domain.triangles_near(p, reach, near);
+  find_by_sheets(domain, p, reach, near);
   std::vector<ClosestOfSheet> closest;  // of each other sheet, and of what faces p of its own
   for (const Triangle& t : near) {
-    const auto known = std::ranges::find(closest, t.sheet, &ClosestOfSheet::sheet);
-    const double most = known == closest.end() ? reach * reach : known->squared_distance;
+    const bool is_known = !closest.empty() && closest.back().sheet == t.sheet;
+    const double most = is_known ? closest.back().squared_distance : reach * reach;
     if (t.sheet == here.sheet && !(dot(outwards, normal_of(t.corners)) < 0)) continue;
     if (t.box().squared_distance(p) >= most) continue;
     const Point place = closest_on_triangle(t.corners, p);
@@ -94,10 +102,8 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
     if (distance2 >= most) continue;
     const Point normal = unit(normal_of(t.corners));
     if (t.sheet == here.sheet && !faces(p, place, normal)) continue;
-    if (known == closest.end())
-      closest.push_back({t.sheet, place, normal, distance2});
-    else
-      *known = {t.sheet, place, normal, distance2};
+    if (!is_known) closest.emplace_back();
+    closest.back() = {t.sheet, place, normal, distance2};
   }
   const bool is_one_body = domain.only_body().has_value();
   std::vector<Crossing> met;
@@ -105,8 +111,7 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
     return !turns_away(p, outwards, is_one_body, other) || !sees(domain, p, other.position, met);
   });
   if (closest.empty()) return here;  // nearly always, where nothing is thin or acute
-  domain.triangles_near(p, farthest, near);
-  std::ranges::sort(closest, {}, &ClosestOfSheet::sheet);
+  find_by_sheets(domain, p, farthest, near);
   for (const ClosestOfSheet& other : closest) {
     const Point across = other.normal_here - other.normal;
     const double off = 2 * dot(other.normal, other.position - p) / dot(across, across);
@@ -116,8 +121,8 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
     const Point image = p - way + (is_wall ? sheared(way, reach) : Point{});
     MirrorPoint mirror;
     double least = reach * reach;
-    for (const Triangle& t : near) {
-      if (t.sheet != other.sheet || t.box().squared_distance(image) >= least) continue;
+    for (const Triangle& t : std::ranges::equal_range(near, other.sheet, {}, &Triangle::sheet)) {
+      if (t.box().squared_distance(image) >= least) continue;
       if (t.sheet == here.sheet && !(dot(outwards, normal_of(t.corners)) < 0)) continue;
       const Point position = closest_on_triangle(t.corners, image);
       if (squared_distance(image, position) >= least) continue;
