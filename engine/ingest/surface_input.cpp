@@ -19,6 +19,7 @@
 #include "engine/ingest/shared_faces.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_groups.h"
+#include "engine/ingest/surface_holes.h"
 #include "engine/ingest/surface_repair.h"
 #include "engine/ingest/surface_text.h"
 #include "engine/ingest/surface_weld.h"
@@ -50,6 +51,9 @@ constexpr double kMostJoined = 1e-4;
 constexpr double kMostDoubt = 0.25;
 // What they take of so many triangles; see README.md.
 std::uint64_t winding_bytes(std::uint64_t num_triangles) { return 1200 * num_triangles; }
+// And where they stay on disk, but for what is around holes.
+constexpr std::uint64_t kBytesOfPassing = 9, kBytesAtOpenEdge = 1000;
+constexpr std::uint64_t kMostPassing = std::uint64_t{1} << 31;
 
 // Takes a surface as read through repairs and checks. What is wrong first is told first: in an
 // order in which each check may rely on those before it.
@@ -134,27 +138,64 @@ class SurfacePreparation {
 
   void take_what_is_wound_around() {
     share_.require_whole();
-    require_memory_for(raw_.num_triangles());
     const double gap = weld_ ? 0 : kMostJoined * max_norm(raw_.box.max - raw_.box.min);
-    const LooseSurface found = winding_surface(loose_surface(raw_.spill, raw_.triangles),
-                                               winding_.spacing, gap, wound_, watch_.stop());
-    if (found.triangles.empty())
-      refuse("its triangles wind around nothing: they are sheets{}", cured_by("wrap"));
     TriangleList list;
     TriangleWriter writer(raw_.spill, list);
     std::uint64_t id = 0;
-    for (std::size_t t = 0; t < found.triangles.size(); ++t) {
-      const auto& [a, b, c] = found.triangles[t];
-      writer.append(
-          {id++, {found.vertices[a], found.vertices[b], found.vertices[c]}, found.groups[t]});
+    const auto write = [&](const std::array<Point, 3>& corners, SheetId group) {
+      writer.append({id++, corners, group});
+    };
+    if (!closes_holes_alone(gap, write)) {
+      require_memory_for(raw_.num_triangles());
+      const LooseSurface found = winding_surface(loose_surface(raw_.spill, raw_.triangles),
+                                                 winding_.spacing, gap, wound_, watch_.stop());
+      for (std::size_t t = 0; t < found.triangles.size(); ++t) {
+        const auto& [a, b, c] = found.triangles[t];
+        write(std::array{found.vertices[a], found.vertices[b], found.vertices[c]}, found.groups[t]);
+      }
     }
     writer.flush();
+    if (list.count == 0)
+      refuse("its triangles wind around nothing: they are sheets{}", cured_by("wrap"));
     adopt(std::move(list));
     raw_.collinear.clear();
     drops_copies_ = false;
     distribute({}, false);
     check(CheckScope::kFacingAway);
     check_edges();
+  }
+
+  // Where that is all there is to do, triangles stay on disk. False: there is more, or memory is
+  // too little for it.
+  template <class Write>
+  bool closes_holes_alone(double gap, const Write& write) {
+    const SurfaceFindings& its = findings_;
+    const std::uint64_t num = raw_.num_triangles(), most_open = winding_.cap / 2 / kBytesAtOpenEdge;
+    if (!has_area() || raw_.has_several_bodies || its.edges.border.count == 0 ||
+        its.edges.border.count > most_open || its.edges.overused.count > 0 || its.num_copies > 0 ||
+        its.intersection || num * kBytesOfPassing > winding_.cap / 2 || num > kMostPassing)
+      return false;
+    number_triangles();
+    SpilledTriangles passing(raw_.spill, raw_.triangles);
+    const auto open = passing.find_edges(buckets_, raw_.box, most_open, watch_, workers_);
+    return open &&
+           close_holes_alone(passing, *open, winding_.spacing, gap, wound_, write, watch_.stop());
+  }
+
+  // Welded ones have the ids of those in the file, of which some are missing.
+  void number_triangles() {
+    if (!welded_) return;
+    TriangleList list;
+    TriangleWriter writer(raw_.spill, list);
+    std::uint64_t id = 0;
+    for (const TriangleList& before : raw_.triangles)
+      raw_.spill.for_each(before, [&](Triangle t) {
+        t.id = id++;
+        writer.append(t);
+      });
+    writer.flush();
+    adopt(std::move(list));
+    distribute({}, true);
   }
 
   void require_memory_for(std::uint64_t num_triangles) const {

@@ -13,6 +13,7 @@
 #include "refine/domain/cut_triangle.h"
 #include "refine/domain/exact_predicates.h"
 #include "refine/winding/chain.h"
+#include "refine/winding/doubt.h"
 #include "refine/winding/level_patch.h"
 #include "refine/winding/winding_number.h"
 
@@ -28,7 +29,6 @@ struct PatchNeighbor {
 
 // Those that are closer than the gap, and than a tenth of the open edges at both.
 void join_open_points(Chain& chain, double gap, WindingChanges& changes) {
-  constexpr double kOfShortest = 0.1;
   if (!(gap > 0)) return;
   std::vector<std::uint32_t> open;
   std::vector<double> reach(chain.vertices.size(), gap);
@@ -36,8 +36,8 @@ void join_open_points(Chain& chain, double gap, WindingChanges& changes) {
     if (uses.size() > 1) return;
     for (const std::uint32_t v : {uses[0].low, uses[0].high}) {
       open.push_back(v);
-      reach[v] = std::min(
-          reach[v], kOfShortest * norm(chain.vertices[uses[0].high] - chain.vertices[uses[0].low]));
+      reach[v] = std::min(reach[v], kOfShortestOpen * norm(chain.vertices[uses[0].high] -
+                                                           chain.vertices[uses[0].low]));
     }
   });
   sort_and_unite(open);
@@ -261,23 +261,17 @@ void drop_flat_parts(Chain& chain) {
 
 double doubt_of(const Chain& chain, const WindingNumber& number, const StopToken* stop) {
   if (number.open().empty()) return 0;
-  constexpr int kAlong = 24;
-  constexpr double kNear = 0.1;
   Box box = Box::around(chain.points_of(chain.triangles[0])[0]);
   for (const ChainTriangle& t : chain.triangles)
     for (const Point& p : chain.points_of(t)) box = box.joined(p);
-  const Point step = (1.0 / kAlong) * (box.max - box.min);
-  int num = 0;
+  const std::vector<Point> places = places_of_doubt(box);
+  std::size_t num = 0;
   StopPoll poll(stop);
-  for (int i = 0; i < kAlong; ++i)
-    for (int j = 0; j < kAlong; ++j)
-      for (int k = 0; k < kAlong; ++k) {
-        poll();
-        const double its = number.roughly_at(
-            box.min + Point{(i + 0.5) * step.x, (j + 0.5) * step.y, (k + 0.5) * step.z});
-        num += std::abs(its - std::round(its)) > kNear;
-      }
-  return num / static_cast<double>(kAlong * kAlong * kAlong);
+  for (const Point& p : places) {
+    poll();
+    num += is_in_doubt(number.roughly_at(p));
+  }
+  return static_cast<double>(num) / static_cast<double>(places.size());
 }
 
 // Without what has no area.
@@ -305,18 +299,22 @@ double winding_doubt(const LooseSurface& surface, const StopToken* stop) {
   return doubt_of(chain, WindingNumber(chain), stop);
 }
 
+double snapping_distance(const Box& box) {
+  constexpr double kNear = 1e-10;  // of the largest coordinate: what rounding may part
+  return kNear * std::max(max_norm(box.min), max_norm(box.max));
+}
+
 LooseSurface winding_surface(const LooseSurface& surface, double spacing, double gap,
                              WindingChanges& changes, const StopToken* stop) {
-  constexpr int kMostRounds = 4;   // what rounding does to cuts is cut again
-  constexpr double kNear = 1e-10;  // of the largest coordinate: what rounding may part
+  constexpr int kMostRounds = 4;  // what rounding does to cuts is cut again
   Chain chain = chain_of(surface);
   join_open_points(chain, gap, changes);
   changes.num_turned = orient_patches(chain);
   turn_outwards(chain, changes);
   const double all_area = chain.area();
-  double largest = 0;
-  for (const Point& p : chain.vertices) largest = std::max(largest, max_norm(p));
-  const double near = kNear * largest;
+  Box box = Box::around({});
+  for (const Point& p : chain.vertices) box = box.joined(p);
+  const double near = snapping_distance(box);
   changes.is_level = !chain.triangles.empty() && is_mostly_islands(chain, spacing);
   if (changes.is_level) {
     const WindingNumber number(chain);

@@ -9,6 +9,7 @@
 
 #include <cstdint>
 
+#include "octree/geometry.h"
 #include "octree/stop.h"
 #include "refine/cure/cure_surface.h"
 
@@ -28,6 +29,13 @@ struct WindingChanges {
   // The share of the box where the number is farther than 0.1 from an integer.
   double doubt = 0;
 };
+
+// Of the shortest open edge at a point: what is farther away from it is not joined with it.
+inline constexpr double kOfShortestOpen = 0.1;
+
+// What two points, or a point and an edge of a triangle, are nearer than, is one to
+// winding_surface().
+double snapping_distance(const Box& box);
 
 // A closed surface: each edge is in an even number of triangles, and they face away from what is
 // inside; where rounding does not let it close, some edges stay open. It may meet itself as much

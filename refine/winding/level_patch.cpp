@@ -26,8 +26,6 @@
 namespace locvol {
 namespace {
 
-constexpr double kWide = 3;  // of holes and pieces, times the spacing
-
 using Face = std::array<std::uint32_t, 3>;
 using Edge = std::pair<std::uint32_t, std::uint32_t>;  // the smaller first
 
@@ -93,7 +91,9 @@ void halve_open_edges(Chain& chain, double spacing) {
 // them there is nothing to fill.
 class EdgeSplitter {
  public:
-  explicit EdgeSplitter(Chain& chain) : chain_(chain) {}
+  // `is_open`: by vertex, is it on an open edge?
+  EdgeSplitter(Chain& chain, std::vector<bool> is_open)
+      : chain_(chain), is_open_(std::move(is_open)) {}
 
   // `loop`: its vertices, on the way that what fills it would have. False: it is no such loop.
   bool split(const std::vector<std::uint32_t>& loop) {
@@ -138,23 +138,24 @@ class EdgeSplitter {
   }
 
  private:
-  // Its edges, on the way that it counts them.
-  static std::array<Edge, 3> ways_of(const ChainTriangle& t) {
-    std::array<Edge, 3> ways;
+  // visit(edge) for its edges between such vertices, on the way that it counts them.
+  void for_each_way(const ChainTriangle& t, const auto& visit) const {
+    const auto is_open = [&](std::uint32_t v) { return v < is_open_.size() && is_open_[v]; };
     for (std::size_t k = 0; k < 3; ++k) {
-      ways[k] = {t.corners[k], t.corners[(k + 1) % 3]};
-      if (t.times < 0) std::swap(ways[k].first, ways[k].second);
+      Edge way = {t.corners[k], t.corners[(k + 1) % 3]};
+      if (t.times < 0) std::swap(way.first, way.second);
+      if (is_open(way.first) && is_open(way.second)) visit(way);
     }
-    return ways;
   }
   void add(std::uint32_t t) {
-    for (const Edge& way : ways_of(chain_.triangles[t])) of_edge_[way].push_back(t);
+    for_each_way(chain_.triangles[t], [&](const Edge& way) { of_edge_[way].push_back(t); });
   }
   void remove(std::uint32_t t) {
-    for (const Edge& way : ways_of(chain_.triangles[t])) std::erase(of_edge_.at(way), t);
+    for_each_way(chain_.triangles[t], [&](const Edge& way) { std::erase(of_edge_.at(way), t); });
   }
 
   Chain& chain_;
+  std::vector<bool> is_open_;
   std::map<Edge, std::vector<std::uint32_t>> of_edge_;
 };
 
@@ -207,9 +208,15 @@ template <class IsLeft>
 void fill_loops(Chain& chain, std::span<const OpenEdge> open, const IsLeft& is_left) {
   std::vector<OpenEdge> back(open.begin(), open.end());
   for (OpenEdge& e : back) std::swap(e.from, e.to);
-  std::set<Edge> there;
-  for (const ChainEdge& e : edges_of(chain)) there.emplace_hint(there.end(), e.low, e.high);
-  EdgeSplitter splitter(chain);
+  std::vector<bool> is_open(chain.vertices.size());
+  for (const OpenEdge& e : open) is_open[e.from] = is_open[e.to] = true;
+  std::set<Edge> there;  // between open edges
+  for (const ChainTriangle& t : chain.triangles)
+    for (std::size_t k = 0; k < 3; ++k)
+      if (const std::uint32_t a = t.corners[k], b = t.corners[(k + 1) % 3];
+          is_open[a] && is_open[b])
+        there.insert(edge_of(a, b));
+  EdgeSplitter splitter(chain, std::move(is_open));
   for (const std::vector<std::uint32_t>& loop : loops_of(back, chain.vertices.size())) {
     std::vector<std::uint32_t> corners;
     for (const std::uint32_t i : loop) corners.push_back(back[i].from);
@@ -261,16 +268,6 @@ void fill_loops(Chain& chain, std::span<const OpenEdge> open, const IsLeft& is_l
 void fill_all_loops(Chain& chain) {
   fill_loops(chain, open_edges(chain),
              [](std::span<const Point>, std::span<const Face>) { return false; });
-}
-
-// Is the number nearly 1/2 along all triangles? Then they lie about where the level does.
-bool is_near_level(std::span<const Point> points, std::span<const Face> filling,
-                   const WindingNumber& number) {
-  constexpr double kNear = 0.2;
-  return std::ranges::all_of(filling, [&](const Face& t) {
-    const Point middle = (1.0 / 3) * (points[t[0]] + points[t[1]] + points[t[2]]);
-    return std::abs(number.at(middle) - 0.5) < kNear;
-  });
 }
 
 // ---- The level set on a grid
@@ -585,33 +582,17 @@ void give_groups(Chain& chain, std::size_t first, SheetId otherwise) {
     if (chain.triangles[t].group == 0) chain.triangles[t].group = otherwise;
 }
 
-PatchCounts counts_of(const Chain& chain, std::span<const OpenEdge> open) {
-  PatchCounts counts;
-  for (const std::vector<std::uint32_t>& loop : loops_of(open, chain.vertices.size())) {
-    ++counts.num_holes;
-    counts.largest_hole = std::max(counts.largest_hole, std::uint64_t{loop.size()});
-  }
-  return counts;
-}
-
-// Pieces that are narrower than `most`, or of fewer triangles than `few`, and have so long a border
-// that they bound nothing: a closed curve of length L bounds at least no area of L²/4π. Around them
-// more is missing than is there.
 std::vector<bool> islands_of(const Chain& chain, double most, std::size_t few) {
-  struct Piece {
-    Box box;
-    std::size_t num = 0;
-    double area = 0, border = 0;
-  };
   DisjointSets pieces(chain.triangles.size());
   const std::vector<ChainEdge> edges = edges_of(chain);
   for_each_edge(edges, [&](std::span<const ChainEdge> uses) {
     for (const ChainEdge& use : uses) pieces.unite(use.triangle, uses[0].triangle);
   });
-  std::map<std::size_t, Piece> found;
+  std::map<std::size_t, ChainPiece> found;
   for (std::size_t t = 0; t < chain.triangles.size(); ++t) {
     const std::array<Point, 3> corners = chain.points_of(chain.triangles[t]);
-    Piece& piece = found.try_emplace(pieces.find(t), Piece{Box::around(corners[0])}).first->second;
+    ChainPiece& piece =
+        found.try_emplace(pieces.find(t), ChainPiece{Box::around(corners[0])}).first->second;
     for (const Point& p : corners) piece.box = piece.box.joined(p);
     ++piece.num;
     piece.area += 0.5 * norm(chain.normal_of(chain.triangles[t]));
@@ -622,12 +603,8 @@ std::vector<bool> islands_of(const Chain& chain, double most, std::size_t few) {
           norm(chain.vertices[uses[0].high] - chain.vertices[uses[0].low]);
   });
   std::vector<bool> islands(chain.triangles.size());
-  for (std::size_t t = 0; t < islands.size(); ++t) {
-    const Piece& piece = found.at(pieces.find(t));
-    islands[t] = piece.border > 0 &&
-                 (piece.num < few || max_norm(piece.box.max - piece.box.min) < most) &&
-                 piece.border * piece.border >= 4 * std::numbers::pi * piece.area;
-  }
+  for (std::size_t t = 0; t < islands.size(); ++t)
+    islands[t] = found.at(pieces.find(t)).is_island(most, few);
   return islands;
 }
 
@@ -638,8 +615,44 @@ void add_area(const Chain& chain, std::size_t first, PatchCounts& counts) {
 
 }  // namespace
 
+bool ChainPiece::is_island(double most, std::size_t few) const {
+  return border > 0 && (num < few || max_norm(box.max - box.min) < most) &&
+         border * border >= 4 * std::numbers::pi * area;
+}
+
+bool is_near_level(double number) {
+  constexpr double kNear = 0.2;
+  return std::abs(number - 0.5) < kNear;
+}
+
+PatchCounts counts_of_holes(const Chain& chain, std::span<const OpenEdge> open) {
+  PatchCounts counts;
+  for (const std::vector<std::uint32_t>& loop : loops_of(open, chain.vertices.size())) {
+    ++counts.num_holes;
+    counts.largest_hole = std::max(counts.largest_hole, std::uint64_t{loop.size()});
+  }
+  return counts;
+}
+
+bool fill_holes(Chain& kept, std::span<const OpenEdge> open, double spacing,
+                const std::function<double(const Point&)>& number) {
+  constexpr std::size_t kMostWideEdges = 300;  // of a wide hole that is filled
+  bool has_left = false;
+  fill_loops(kept, open, [&](std::span<const Point> points, std::span<const Face> filling) {
+    const bool is_left =
+        extent_of(points) >= kWide * spacing &&
+        (points.size() > kMostWideEdges || filling.empty() ||
+         !std::ranges::all_of(filling, [&](const Face& t) {
+           return is_near_level(number((1.0 / 3) * (points[t[0]] + points[t[1]] + points[t[2]])));
+         }));
+    has_left |= is_left;
+    return is_left;
+  });
+  return has_left;
+}
+
 PatchCounts close_by_loops(Chain& chain) {
-  PatchCounts counts = counts_of(chain, open_edges(chain));
+  PatchCounts counts = counts_of_holes(chain, open_edges(chain));
   const std::size_t first = chain.triangles.size();
   fill_all_loops(chain);
   add_area(chain, first, counts);
@@ -647,8 +660,7 @@ PatchCounts close_by_loops(Chain& chain) {
 }
 
 PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
-  constexpr std::size_t kMostWideEdges = 300;  // of a wide hole that is filled
-  PatchCounts counts = counts_of(kept, open_edges(kept));
+  PatchCounts counts = counts_of_holes(kept, open_edges(kept));
   std::erase_if(kept.triangles,
                 [&, islands = islands_of(kept, kWide * spacing, 0),
                  t = std::size_t{0}](const ChainTriangle&) mutable { return islands[t++]; });
@@ -656,12 +668,7 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
   const std::size_t first_filling = kept.triangles.size();
   {
     const WindingNumber number(kept);
-    fill_loops(kept, open_edges(kept),
-               [&](std::span<const Point> points, std::span<const Face> filling) {
-                 return extent_of(points) >= kWide * spacing &&
-                        (points.size() > kMostWideEdges || filling.empty() ||
-                         !is_near_level(points, filling, number));
-               });
+    fill_holes(kept, number.open(), spacing, [&](const Point& p) { return number.at(p); });
   }
   add_area(kept, first_filling, counts);
   halve_open_edges(kept, spacing);
@@ -681,13 +688,11 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
 }
 
 bool is_mostly_islands(const Chain& chain, double spacing) {
-  constexpr double kMost = 0.3;  // of the area
-  constexpr std::size_t kFew = 10;
-  const std::vector<bool> islands = islands_of(chain, kWide * spacing, kFew);
+  const std::vector<bool> islands = islands_of(chain, kWide * spacing, kFewOnIsland);
   double area = 0;
   for (std::size_t t = 0; t < islands.size(); ++t)
     if (islands[t]) area += 0.5 * norm(chain.normal_of(chain.triangles[t]));
-  return area > kMost * chain.area();
+  return area > kMostIslands * chain.area();
 }
 
 Chain level_surface(const Chain& chain, const WindingNumber& number, double spacing,

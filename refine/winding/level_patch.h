@@ -1,8 +1,12 @@
 // The surface over holes: where the winding number passes 1/2. Internal to refine/winding.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <span>
 
+#include "octree/geometry.h"
 #include "octree/stop.h"
 #include "refine/winding/chain.h"
 #include "refine/winding/winding_number.h"
@@ -23,6 +27,31 @@ struct PatchCounts {
 //     edges are halved to the spacing, and what is left between grid and edges is filled.
 // Afterwards the chain is closed. Throws Stopped.
 PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop);
+
+// A connected part of triangles.
+struct ChainPiece {
+  Box box;
+  std::size_t num = 0;
+  double area = 0, border = 0;  // the latter: the length of edges in one triangle
+
+  // Is it narrower than `most`, or of fewer triangles than `few`, and has so long a border that it
+  // bounds nothing? A closed curve of length L bounds at least no area of L²/4π: around it more is
+  // missing than is there.
+  bool is_island(double most, std::size_t few) const;
+};
+// Of pieces that go, and of holes that are filled by triangles without new vertices, the width in
+// spacings; and of how few triangles islands are.
+inline constexpr double kWide = 3;
+inline constexpr std::size_t kFewOnIsland = 10;
+inline constexpr double kMostIslands = 0.3;  // of the area
+
+// Fills those open edges whose holes take no level. `number`: of winding, at a place. True: others
+// are left.
+bool fill_holes(Chain& kept, std::span<const OpenEdge> open, double spacing,
+                const std::function<double(const Point&)>& number);
+PatchCounts counts_of_holes(const Chain& chain, std::span<const OpenEdge> open);
+// Is the number at a place over a hole so near to 1/2 that the level is nearly there?
+bool is_near_level(double number);
 
 // Is it mostly made of such pieces, or of wider ones of few triangles, as triangles without
 // neighbors are?

@@ -57,7 +57,7 @@ std::uint32_t Cones::build(std::uint32_t begin, std::uint32_t end) {
   Node node;
   node.begin = begin;
   node.end = end;
-  double area = 0;
+  double& area = node.area;
   Point sum;
   Box box = Box::around(cones_[begin][0]);
   for (std::uint32_t i = begin; i < end; ++i) {
@@ -105,6 +105,42 @@ double Cones::angle_of(const Node& node, const Point& p, double far) const {
   return sum;
 }
 
+bool Cones::is_surely_below(double most, const Point& p) const {
+  double left = most * 4 * std::numbers::pi;
+  if (!nodes_.empty()) take_most_of(nodes_[0], p, left);
+  return left > 0;
+}
+
+void Cones::take_most_of(const Node& node, const Point& p, double& left) const {
+  constexpr double kFarEnough = 2;  // radii: then at most four times what it may be
+  const double distance = norm(node.center - p);
+  if (distance > kFarEnough * node.radius) {
+    const double nearest = distance - node.radius;
+    left -= node.area / (nearest * nearest);
+    return;
+  }
+  if (node.second != 0) {
+    take_most_of(*(&node + 1), p, left);
+    if (left > 0) take_most_of(nodes_[node.second], p, left);
+    return;
+  }
+  for (std::uint32_t i = node.begin; i < node.end; ++i) left -= std::abs(solid_angle(p, cones_[i]));
+}
+
+// Rounding moves the place to one of its sides.
+BesideNumbers beside_triangle(const std::array<Point, 3>& triangle, int times, int whole,
+                              const Cones& cones) {
+  const auto& [a, b, c] = triangle;
+  const Point p = place_on(triangle);
+  int side = orientation(a, b, c, p);
+  for (int axis = 0; axis < 3 && side == 0; ++axis) side = orientation_along(axis, a, b, c);
+  double there = whole - cones.angle_at(p, Cones::kFar);
+  constexpr double kNear = 1e-2;
+  const double part = there - std::floor(there);
+  if (std::abs(part - 0.5) < kNear) there = whole - cones.angle_at(p, Cones::kFarther);
+  return side > 0 ? BesideNumbers{there + times, there} : BesideNumbers{there, there - times};
+}
+
 WindingNumber::WindingNumber(const Chain& chain) : open_(open_edges(chain)), cones_(chain, open_) {
   for (const ChainTriangle& t : chain.triangles) {
     triangles_.push_back({.corners = chain.points_of(t)});
@@ -138,20 +174,9 @@ int WindingNumber::whole_at(const Point& p) const {
   return sum;
 }
 
-// At a place on it that lies above no edge but by chance; rounding moves it to one side.
 BesideNumbers WindingNumber::beside(std::size_t t) const {
-  const auto& [a, b, c] = triangles_[t].corners;
-  const Point u = b - a, v = c - a;
-  const Point p = a + (0.3178 * u + 0.3391 * v);
-  int side = orientation(a, b, c, p);
-  for (int axis = 0; axis < 3 && side == 0; ++axis) side = orientation_along(axis, a, b, c);
-  const int whole = whole_at(p);
-  double there = whole - cones_.angle_at(p, kFar);
-  constexpr double kNear = 1e-2;
-  const double part = there - std::floor(there);
-  if (std::abs(part - 0.5) < kNear) there = whole - cones_.angle_at(p, kFarther);
-  return side > 0 ? BesideNumbers{there + times_[t], there}
-                  : BesideNumbers{there, there - times_[t]};
+  const std::array<Point, 3>& corners = triangles_[t].corners;
+  return beside_triangle(corners, times_[t], whole_at(place_on(corners)), cones_);
 }
 
 }  // namespace locvol

@@ -29,9 +29,18 @@ struct BesideNumbers {
   double behind = 0, before = 0;
 };
 
+// Where both are asked for: within the triangle, above no edge but by chance.
+inline Point place_on(const std::array<Point, 3>& t) {
+  return t[0] + (0.3178 * (t[1] - t[0]) + 0.3391 * (t[2] - t[0]));
+}
+
 // Cones over open edges.
 class Cones {
  public:
+  // What is so far, in radii, is seen as one: then the angle is off by 1e-3; where that might
+  // decide, by 1e-6; and by some hundredths.
+  static constexpr double kFar = 5, kFarther = 50, kRough = 2;
+
   Cones() = default;
   Cones(const Chain& chain, std::span<const OpenEdge> edges);
 
@@ -39,35 +48,44 @@ class Cones {
   const std::vector<Cone>& all() const { return cones_; }
   // The sum of their solid angles seen from p, over 4π. What is `far`, in radii, is seen as one.
   double angle_at(const Point& p, double far) const;
+  // Is that surely less than `most`, whichever its sign, also as angle_at() has it? In a fraction
+  // of the time; false does not say that it is more.
+  bool is_surely_below(double most, const Point& p) const;
 
  private:
   struct Node {
     Point center, moment;                          // of the area, and of the area's vectors
-    double radius = 0;                             // around the center
+    double area = 0, radius = 0;                   // the latter: around the center
     std::uint32_t begin = 0, end = 0, second = 0;  // its cones; its second child, 0: none
   };
   std::uint32_t build(std::uint32_t begin, std::uint32_t end);
   double angle_of(const Node& node, const Point& p, double far) const;
+  // Takes what it is at most from `left`, until nothing is.
+  void take_most_of(const Node& node, const Point& p, double& left) const;
 
   std::vector<Cone> cones_;
   std::vector<Node> nodes_;  // the first child follows its parent
 };
+
+// Of a triangle that is there so many times. `whole`: the whole number at place_on() it
+BesideNumbers beside_triangle(const std::array<Point, 3>& triangle, int times, int whole,
+                              const Cones& cones);
 
 class WindingNumber {
  public:
   // REQUIRES: coordinates are finite
   explicit WindingNumber(const Chain& chain);
 
-  double at(const Point& p) const { return whole_at(p) - cones_.angle_at(p, kFar); }
+  double at(const Point& p) const { return whole_at(p) - cones_.angle_at(p, Cones::kFar); }
   // To some hundredths, in a fraction of the time where much is open.
-  double roughly_at(const Point& p) const { return whole_at(p) - cones_.angle_at(p, kRough); }
-  // In its middle. `triangle`: its place in the chain
+  double roughly_at(const Point& p) const {
+    return whole_at(p) - cones_.angle_at(p, Cones::kRough);
+  }
+  // `triangle`: its place in the chain
   BesideNumbers beside(std::size_t triangle) const;
   const std::vector<OpenEdge>& open() const { return open_; }
 
  private:
-  // Then the angle is off by 1e-3; and where that might decide, by 1e-6.
-  static constexpr double kFar = 5, kFarther = 50, kRough = 2;
   int whole_at(const Point& p) const;
 
   std::vector<Triangle> triangles_;  // and cones

@@ -5,13 +5,16 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <numbers>
 #include <random>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "refine/winding/chain.h"
+#include "refine/winding/holes_alone.h"
 #include "refine/winding/inside_surface.h"
 #include "refine/winding/winding_number.h"
 
@@ -255,6 +258,121 @@ TEST(WindingSurface, FillsManyHolesWithoutNewVertices) {
   EXPECT_NEAR(volume_of(found), volume, 0.01 * volume);
   EXPECT_GT(changes.num_holes, 50u);
   EXPECT_LE(found.vertices.size(), num_vertices + changes.num_holes / 10);
+}
+
+// As they come from disk.
+class PassingSurface : public PassingTriangles {
+ public:
+  explicit PassingSurface(const LooseSurface& s) : s_(s) {
+    locvol::for_each_edge(edges_of(chain_of(s)), [&](std::span<const ChainEdge> uses) {
+      if (uses.size() == 2) {
+        edges_.emplace_back(uses[0].triangle, uses[1].triangle);
+        return;
+      }
+      const Point &low = s.vertices[uses[0].low], &high = s.vertices[uses[0].high];
+      open.push_back(
+          {uses[0].is_upward ? low : high, uses[0].is_upward ? high : low, uses[0].triangle});
+    });
+  }
+  std::uint32_t num() const override { return static_cast<std::uint32_t>(s_.triangles.size()); }
+  void for_each(
+      const std::function<void(std::uint32_t, const Corners&, SheetId)>& visit) const override {
+    for (std::uint32_t t = 0; t < num(); ++t) {
+      const auto& [a, b, c] = s_.triangles[t];
+      visit(t, {s_.vertices[a], s_.vertices[b], s_.vertices[c]}, s_.groups[t]);
+    }
+  }
+  void for_each_edge(
+      const std::function<void(std::uint32_t, std::uint32_t)>& visit) const override {
+    for (const auto& [s, t] : edges_) visit(s, t);
+  }
+
+  std::vector<OpenSide> open;
+
+ private:
+  const LooseSurface& s_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges_;
+};
+
+// Whichever way is taken, the surface is the same, to the bit.
+TEST(WindingSurface, OfHolesAloneIsTheSameWithoutAllTrianglesInMemory) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937 random(seed);
+  const auto uniform = [&](double from, double to) {
+    return std::uniform_real_distribution(from, to)(random);
+  };
+  int num_closed = 0, num_others = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    SCOPED_TRACE(testing::Message() << "trial " << trial);
+    LooseSurface s = ball(4);
+    if (trial % 3 == 0) s = both(s, ball(3, {2.5, 0, 0}));
+    if (trial % 4 == 0) {  // a cavity, or a ball within
+      LooseSurface inner = ball(3);
+      for (Point& p : inner.vertices) p = 0.4 * p;
+      if (trial % 8 == 0)
+        for (auto& [a, b, c] : inner.triangles) std::swap(b, c);
+      s = both(s, inner);
+    }
+    for (Point& p : s.vertices) p = uniform(0.99, 1.01) * p;
+    for (SheetId& group : s.groups) group = uniform(0, 1) < 0.5 ? 1 : 2;
+    if (trial % 5 == 0)
+      for (auto& [a, b, c] : s.triangles) std::swap(b, c);
+    std::vector<Point> centers;
+    for (int n = 0; n < 5; ++n)
+      centers.push_back(
+          s.vertices[std::uniform_int_distribution<std::size_t>(0, s.vertices.size() - 1)(random)]);
+    const double radius = uniform(0, 0.8), lost = trial % 2 == 0 ? 0 : uniform(0, 0.1);
+    LooseSurface open;  // vertices are numbered as they come, as those of a file are
+    std::map<std::uint32_t, std::uint32_t> numbers;
+    const auto number_of = [&](std::uint32_t v) {
+      const auto [place, is_new] =
+          numbers.emplace(v, static_cast<std::uint32_t>(open.vertices.size()));
+      if (is_new) open.vertices.push_back(s.vertices[v]);
+      return place->second;
+    };
+    for (std::size_t t = 0; t < s.triangles.size(); ++t) {
+      const Point& p = s.vertices[s.triangles[t][0]];
+      if (uniform(0, 1) < lost ||
+          std::ranges::any_of(centers, [&](const Point& q) { return norm(p - q) < radius; }))
+        continue;
+      Face its = s.triangles[t];
+      for (std::uint32_t& v : its) v = number_of(v);
+      open.triangles.push_back(its);
+      open.groups.push_back(s.groups[t]);
+    }
+    const PassingSurface passing(open);
+    if (passing.open.empty()) continue;
+    const double spacing = uniform(0.05, 0.5);
+    LooseSurface found;
+    WindingChanges changes, of_all;
+    std::vector<std::array<Point, 3>> triangles, expected;
+    if (!close_holes_alone(
+            passing, passing.open, spacing, 0, changes,
+            [&](const std::array<Point, 3>& corners, SheetId group) {
+              triangles.push_back(corners);
+              found.groups.push_back(group);
+            },
+            nullptr)) {
+      ++num_others;
+      EXPECT_TRUE(triangles.empty());
+      continue;
+    }
+    ++num_closed;
+    const LooseSurface all = wound(open, spacing, of_all);
+    for (const auto& [a, b, c] : all.triangles)
+      expected.push_back({all.vertices[a], all.vertices[b], all.vertices[c]});
+    EXPECT_TRUE(triangles == expected);
+    EXPECT_EQ(found.groups, all.groups);
+    EXPECT_EQ(changes.num_turned, of_all.num_turned);
+    EXPECT_EQ(changes.left_out_area, of_all.left_out_area);
+    EXPECT_EQ(changes.num_holes, of_all.num_holes);
+    EXPECT_EQ(changes.largest_hole, of_all.largest_hole);
+    EXPECT_EQ(changes.closing_area, of_all.closing_area);
+    EXPECT_EQ(changes.doubt, of_all.doubt);
+  }
+  EXPECT_GT(num_closed, 5);
+  EXPECT_GT(num_others, 0);
 }
 
 // Wide, but not so far from the level that it has to be followed.
