@@ -30,8 +30,8 @@ inline Point closest_on_triangle(const std::array<Point, 3>& corners, const Poin
 }
 
 // Is all of the triangle farther than √squared: its plane, or that through one of its sides and
-// across it, which has it on the other side? Many that are farther are not found; rounding makes the
-// distances wrong by no more than coordinates are.
+// across it, which has it on the other side? Many that are farther are not found; rounding makes
+// the distances wrong by no more than coordinates are.
 inline bool is_farther_by_a_plane(const std::array<Point, 3>& corners, const Point& q,
                                   double squared) {
   const auto& [a, b, c] = corners;

@@ -152,8 +152,8 @@ TEST(CreaseLeaf, PointsInTheMiddleOfEdgesAreThereOnce) {
     std::vector<Point> polygon;
     for (int i = 0; i < num_sides; ++i) {
       const double angle = (i + 0.5) * 2 * kPi / num_sides;  // in single precision: symmetric
-      polygon.push_back(
-          {static_cast<float>(0.3 * std::cos(angle)), static_cast<float>(0.3 * std::sin(angle)), 0});
+      polygon.push_back({static_cast<float>(0.3 * std::cos(angle)),
+                         static_cast<float>(0.3 * std::sin(angle)), 0});
     }
     const Creased shape = prism(polygon, 0.15);
     std::vector<Point> points = points_on(shape, 0.29, shape.box().expanded(0.1));
