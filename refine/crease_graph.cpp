@@ -164,11 +164,10 @@ std::optional<CreaseGraph::Heading> CreaseGraph::past(const Heading& heading) co
 }
 
 std::vector<CreaseGraph::Heading> CreaseGraph::headings(const Place& place) const {
-  const bool is_first = place.along <= 0, is_last = place.along >= lengths_[place.edge];
-  if (!is_first && !is_last) return {{place, true}, {place, false}};
-  const Vertex v = ends_[place.edge][is_last];
+  const auto v = vertex_of(place);
+  if (!v) return {{place, true}, {place, false}};
   std::vector<Heading> all;
-  for (const Edge e : edges_at(v)) all.push_back(into(e, v));
+  for (const Edge e : edges_at(*v)) all.push_back(into(e, *v));
   return all;
 }
 
@@ -178,9 +177,8 @@ std::optional<CreaseGraph::Index> CreaseGraph::add(const Point& p, double tolera
   const auto index = static_cast<Index>(points_.size());
   points_.push_back({p, *place});
   tolerance_ = std::max(tolerance_, tolerance);
-  const double length = lengths_[place->edge];
-  if (place->along <= 0 || place->along >= length) {
-    point_at_[ends_[place->edge][place->along > 0]] = index;
+  if (const auto v = vertex_of(*place)) {
+    point_at_[*v] = index;
   } else {
     std::vector<Index>& there = on_edge_[place->edge];
     there.insert(std::ranges::upper_bound(there, place->along, {},
@@ -191,16 +189,15 @@ std::optional<CreaseGraph::Index> CreaseGraph::add(const Point& p, double tolera
 }
 
 void CreaseGraph::remove(Index i) {
-  const auto& [edge, along] = points_[i].place;
-  if (along <= 0 || along >= lengths_[edge])
-    point_at_[ends_[edge][along > 0]] = kNone;
+  const Place& place = points_[i].place;
+  if (const auto v = vertex_of(place))
+    point_at_[*v] = kNone;
   else
-    std::erase(on_edge_[edge], i);
+    std::erase(on_edge_[place.edge], i);
 }
 
 bool CreaseGraph::has_point_at(const Place& place) const {
-  if (place.along <= 0 || place.along >= lengths_[place.edge])
-    return has_point_at(ends_[place.edge][place.along > 0]);
+  if (const auto v = vertex_of(place)) return has_point_at(*v);
   return std::ranges::binary_search(on_edge_[place.edge], place.along, {},
                                     [&](Index i) { return points_[i].place.along; });
 }

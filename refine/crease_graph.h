@@ -134,6 +134,12 @@ class CreaseGraph {
   double ball_radius(Index i) const;
 
  private:
+  // At which end of its edge it is, if at one.
+  std::optional<Vertex> vertex_of(const Place& place) const {
+    if (place.along > 0 && place.along < lengths_[place.edge]) return std::nullopt;
+    return ends_[place.edge][place.along > 0];
+  }
+
   struct Held {
     Point position;
     Place place;

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <limits>
 #include <map>
-#include <optional>
+#include <set>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -274,7 +274,7 @@ class HoleClosing {
     changes_.num_holes = counts.num_holes;
     changes_.largest_hole = counts.largest_hole;
     for (const auto& [name, piece] : found_)
-      if (piece.is_island(kWide * spacing_, 0)) islands_.emplace(name, 0);
+      if (piece.is_island(kWide * spacing_, 0)) islands_.insert(name);
     if (islands_.empty()) return;
     const auto goes = [&](std::uint32_t t) { return islands_.contains(pieces_.find(t)); };
     std::erase_if(around_.chain.triangles, [&, n = std::size_t{0}](const ChainTriangle&) mutable {
@@ -320,7 +320,7 @@ class HoleClosing {
         kept_area_ += size_of(corners);
         return;
       }
-      const int whole = is_before(corners, p) ? its - 1 : its;
+      const int whole = is_seen_before(corners, p) ? its - 1 : its;
       const BesideNumbers beside = beside_triangle(corners, 1, whole, cones);
       const bool is_inside_behind = beside.behind > kLeastInside,
                  is_inside_before = beside.before > kLeastInside;
@@ -337,13 +337,6 @@ class HoleClosing {
     std::size_t num = 0;
     for (std::uint32_t t = 0; t < num_; ++t) num += sets.find(t) == t;
     return num;
-  }
-
-  static bool is_before(const Corners& t, const Point& p) {
-    int side = orientation(t[0], t[1], t[2], p);
-    for (int axis = 0; axis < 3 && side == 0; ++axis)
-      side = orientation_along(axis, t[0], t[1], t[2]);
-    return side > 0;
   }
 
   static bool is_surely_kept(const Cones& cones, const Point& p, int behind) {
@@ -367,7 +360,7 @@ class HoleClosing {
         if (next == end || tellers[next] != t) return;
         ++next;
         places.push_back(place_on(corners));
-        are_before.push_back(is_before(corners, places.back()));
+        are_before.push_back(is_seen_before(corners, places.back()));
       });
       RaysUpward rays(std::move(places));
       for_each([&](std::uint32_t, const Corners& corners, SheetId) { rays.add(corners); });
@@ -572,7 +565,7 @@ class HoleClosing {
   std::vector<OpenEdge> open_;
   DisjointSets pieces_;
   std::map<std::size_t, ChainPiece> found_;  // by the names of pieces
-  std::map<std::size_t, int> islands_;       // the names of those that go
+  std::set<std::size_t> islands_;            // the names of those that go
   std::vector<std::uint32_t> dropped_;       // triangles where the label is the same on both sides
   std::vector<Corners> dropped_corners_;
   bool is_any_turned_ = false;

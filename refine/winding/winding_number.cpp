@@ -127,18 +127,22 @@ void Cones::take_most_of(const Node& node, const Point& p, double& left) const {
   for (std::uint32_t i = node.begin; i < node.end; ++i) left -= std::abs(solid_angle(p, cones_[i]));
 }
 
-// Rounding moves the place to one of its sides.
-BesideNumbers beside_triangle(const std::array<Point, 3>& triangle, int times, int whole,
-                              const Cones& cones) {
+bool is_seen_before(const std::array<Point, 3>& triangle, const Point& p) {
   const auto& [a, b, c] = triangle;
-  const Point p = place_on(triangle);
   int side = orientation(a, b, c, p);
   for (int axis = 0; axis < 3 && side == 0; ++axis) side = orientation_along(axis, a, b, c);
+  return side > 0;
+}
+
+BesideNumbers beside_triangle(const std::array<Point, 3>& triangle, int times, int whole,
+                              const Cones& cones) {
+  const Point p = place_on(triangle);
   double there = whole - cones.angle_at(p, Cones::kFar);
   constexpr double kNear = 1e-2;
   const double part = there - std::floor(there);
   if (std::abs(part - 0.5) < kNear) there = whole - cones.angle_at(p, Cones::kFarther);
-  return side > 0 ? BesideNumbers{there + times, there} : BesideNumbers{there, there - times};
+  return is_seen_before(triangle, p) ? BesideNumbers{there + times, there}
+                                     : BesideNumbers{there, there - times};
 }
 
 WindingNumber::WindingNumber(const Chain& chain) : open_(open_edges(chain)), cones_(chain, open_) {

@@ -67,6 +67,8 @@ class Cones {
   std::vector<Node> nodes_;  // the first child follows its parent
 };
 
+// Is a place on the triangle before it? Rounding moves it to one of the sides.
+bool is_seen_before(const std::array<Point, 3>& triangle, const Point& p);
 // Of a triangle that is there so many times. `whole`: the whole number at place_on() it
 BesideNumbers beside_triangle(const std::array<Point, 3>& triangle, int times, int whole,
                               const Cones& cones);
