@@ -2,6 +2,7 @@
 
 #include <cassert>
 #include <iterator>
+#include <numeric>
 #include <ranges>
 #include <tuple>
 #include <utility>
@@ -117,11 +118,14 @@ class KeptCreases::Segments {
         for (const NumberWindow::Numbered& other : of_point(ends[1]))
           if (one.body == other.body)
             add(one.number, other.number, crease, std::bit_cast<std::uint64_t>(length));
+    std::vector<std::size_t> by_position(positions.size());
+    std::iota(by_position.begin(), by_position.end(), std::size_t{0});
+    const auto position_of = [&](std::size_t place) { return positions[place]; };
+    std::ranges::sort(by_position, {}, position_of);
     for (const CornerPoint& corner : here->surface.corners) {
-      const auto point = std::ranges::find(positions, corner.position);
-      if (point == positions.end()) continue;
-      for (const NumberWindow::Numbered& copy :
-           of_point(static_cast<std::size_t>(point - positions.begin())))
+      const auto place = std::ranges::lower_bound(by_position, corner.position, {}, position_of);
+      if (place == by_position.end() || positions[*place] != corner.position) continue;
+      for (const NumberWindow::Numbered& copy : of_point(*place))
         add(copy.number, copy.number, corner.corner, 0);
     }
     std::ranges::sort(items, {}, by_vertices);

@@ -848,7 +848,7 @@ TEST_F(GradedEngineTest, CellsGrowFromTheSurfaceInwards) {
 // unknown, and of those at the leaves' borders some were never improved.
 TEST_F(GradedEngineTest, NoPoorCellsAreLeftAtTheBordersOfLeaves) {
   write(sphere(1, 122, 256));
-  const auto run = graded("borders", 0.03, 300);
+  const auto run = graded("borders", 0.04, 300);
   mesh(run);
   const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
   EXPECT_TRUE(report.is_valid());
@@ -869,27 +869,25 @@ TEST_F(GradedEngineTest, SizesStopGrowingAtTheLargest) {
 // of them all of the core, and where a shape lies in the midst of it.
 TEST_F(GradedEngineTest, HasACoreWhereSizesAreBounded) {
   write(sphere(1, 61, 128));
-  for (const std::uint64_t leaf_capacity : {150, 2000}) {
-    for (const bool has_shape : {false, true}) {
-      const std::string name = std::to_string(leaf_capacity) + (has_shape ? "shape" : "");
-      auto run = graded(name, 0.055, leaf_capacity, 0.3);
-      if (has_shape) {
-        run.growth = 0;  // but around the shape
-        run.shapes = {SizedShape::ball({0.01}, {0.2, 0.1, 0}, 0.02)};
-      } else {
-        run.max_size = Size{0.08, false};
-      }
-      const RunSummary summary = mesh(run);
-      EXPECT_EQ(summary.outcome, RunOutcome::kDone);
-      const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
-      EXPECT_TRUE(report.is_valid()) << name;
-      EXPECT_EQ(report.num_poor_cells, 0U) << name;
-      std::uint64_t num_core_cells = 0;
-      const Contents contents = contents_of(run.store);
-      for (const auto& [key, leaf] : contents.leaves) num_core_cells += leaf.info.num_core_cells;
-      EXPECT_GT(num_core_cells, summary.run.counts.num_cells / 20) << name;
-      EXPECT_EQ(boundary_of(contents).euler_characteristic, 2) << name;
+  for (const bool has_shape : {false, true}) {
+    const std::string name = has_shape ? "shape" : "bounded";
+    auto run = graded(name, 0.055, has_shape ? 150 : 2000, 0.3);
+    if (has_shape) {
+      run.growth = 0;  // but around the shape
+      run.shapes = {SizedShape::ball({0.01}, {0.2, 0.1, 0}, 0.02)};
+    } else {
+      run.max_size = Size{0.08, false};
     }
+    const RunSummary summary = mesh(run);
+    EXPECT_EQ(summary.outcome, RunOutcome::kDone);
+    const AuditReport report = audit(Store::open(run.store, {.read_only = true}));
+    EXPECT_TRUE(report.is_valid()) << name;
+    EXPECT_EQ(report.num_poor_cells, 0U) << name;
+    std::uint64_t num_core_cells = 0;
+    const Contents contents = contents_of(run.store);
+    for (const auto& [key, leaf] : contents.leaves) num_core_cells += leaf.info.num_core_cells;
+    EXPECT_GT(num_core_cells, summary.run.counts.num_cells / 20) << name;
+    EXPECT_EQ(boundary_of(contents).euler_characteristic, 2) << name;
   }
 }
 
@@ -901,7 +899,7 @@ TEST_F(GradedEngineTest, ACoreGivesTheSameRecordsWithAnyThreadsAndInterruptions)
     run.shapes = {SizedShape::ball({0.02}, {0.2, 0.1, 0}, 0.02)};
     return run;
   };
-  EXPECT_GT(expect_same_records(bounded, {3, 5}, 23).leaves.size(), 30U);
+  EXPECT_GT(expect_same_records(bounded, {3}, 23).leaves.size(), 30U);
 }
 
 // Small cells on the surface and inside, in leaves of many widths.
@@ -933,8 +931,8 @@ TEST_F(GradedEngineTest, ShapesGiveTheSameRecordsWithAnyThreadsAndInterruptions)
   write(torus(1, 0.4, 48, 24));
   const auto with_shapes = [&](const std::string& name) {
     auto run = graded(name, 0.15, 100);
-    run.shapes = {SizedShape::ball({0.03}, {1.2, 0.3, 0}, 0.1),
-                  SizedShape::segment({0.05}, {-1, 0, 0.4}, {-1.4, 0, 0})};
+    run.shapes = {SizedShape::ball({0.04}, {1.2, 0.3, 0}, 0.1),
+                  SizedShape::segment({0.06}, {-1, 0, 0.4}, {-1.4, 0, 0})};
     return run;
   };
   EXPECT_GT(expect_same_records(with_shapes, {3}, 23).leaves.size(), 30U);
@@ -1017,7 +1015,7 @@ TEST_F(GradedEngineTest, BoundaryAndSurfaceAreWithinTheDeviationOfEachOther) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
-  constexpr double kDeviation = 0.015;
+  constexpr double kDeviation = 0.02;
   const std::vector<std::pair<std::string, Shape>> shapes = {
       {"ball", sphere(1, 61, 128)},
       {"ring", torus(1, 0.4, 96, 48)},
@@ -1078,9 +1076,9 @@ TEST_F(GradedEngineTest, MeasuredSizesGiveTheSameRecordsWithAnyThreadsAndInterru
   write(torus(1, 0.4, 48, 24));
   const auto measured = [&](const std::string& name) {
     auto run = graded(name, 0.3, 100);
-    run.per_circle = 24;
-    run.deviation = Size{0.01, false};
-    run.layers = 3;
+    run.per_circle = 18;
+    run.deviation = Size{0.015, false};
+    run.layers = 2;
     return run;
   };
   EXPECT_GT(expect_same_records(measured, {3}, 23).leaves.size(), 30U);
@@ -1103,7 +1101,7 @@ std::string image_of_sizes(const std::function<double(const Point&)>& size_at) {
 TEST_F(GradedEngineTest, CellsAreAsSmallAsAnImageAsks) {
   write(sphere(1, 61, 128));
   const auto image = scratch_ / "field.vti";
-  const auto size_of = [](const Point& p) { return p.x > 0.6 ? 0.05 : 0.1 + 0.1 * (0.6 - p.x); };
+  const auto size_of = [](const Point& p) { return p.x > 0.6 ? 0.06 : 0.12 + 0.1 * (0.6 - p.x); };
   std::ofstream(image) << image_of_sizes(size_of);
   const auto of_image = [&](const std::string& name) {
     auto run = options(name, 0.25, 300);
