@@ -98,11 +98,16 @@ def row_key(row):
     return row["model"], row["size"], row["threads"]
 
 
+def volume_error(volumes, true_volumes):
+    """The largest of one body's, over its true volume; 1 of a body that is not there."""
+    return max(abs(volumes.get(name, 0) / true - 1) for name, true in true_volumes.items())
+
+
 PHASES = ("read", "cover", "refine", "write")
 
 HEADER = ("model", "λ", "mesher", "threads", "tetrahedra", "total s",
           *(phase + " s" for phase in PHASES), "tetrahedra/s", "peak MiB", "store B/tet",
-          "tets per λ³", "locvol faster by", "per tet by", "creases kept", "note")
+          "tets per λ³", "locvol faster by", "per tet by", "creases kept", "volumes off by", "note")
 
 SCALING_HEADER = HEADER[:14] + ("note",)
 
@@ -158,12 +163,12 @@ def table(rows):
     lines = []
     for row in rows:
         if row.get("error"):
-            lines.append(first_cells(row) + ["—"] * 13 + [row["error"]])
+            lines.append(first_cells(row) + ["—"] * 14 + [row["error"]])
         else:
             lines.append(first_cells(row) + figure_cells(row)
                          + [shown(row.get("ratio"), "%.2f×"),
                             shown(row.get("ratio_per_tetrahedron"), "%.2f×"), kept_text(row),
-                            row.get("note", "")])
+                            shown(row.get("volume_error"), "%.1g"), row.get("note", "")])
     return markdown(HEADER, lines)
 
 

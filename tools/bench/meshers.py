@@ -3,7 +3,8 @@
 Every mesher has `name`, a method `problem()` that says why it cannot be run (None: it can), and
 `run(surface, size, threads)`, which raises Failed or returns a dictionary: `tetrahedra`, `seconds`,
 `cpu_seconds` (of the whole process where the mesher does not tell), `phases`, `peak_bytes`, and of
-surfaces with creases, where it keeps any, `crease_length` and `kept_crease_length`.
+surfaces with creases, where it keeps any, `crease_length` and `kept_crease_length`; of several
+bodies `volumes`, by name.
 Memory is that of the child process as os.wait4 tells it. This process must stay small, files be
 read in pieces: a child counts as at least as large as its parent has ever been.
 """
@@ -13,11 +14,13 @@ import re
 import shutil
 import struct
 import subprocess
+import sys
 import threading
 import time
 
 
 CREASES = ("crease_length", "kept_crease_length")
+PATCHES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "patches.py")
 
 
 class Failed(Exception):
@@ -98,9 +101,11 @@ class Mesher:
 class Locvol(Mesher):
     name = "locvol"
 
-    def __init__(self, program, work, timeout, memory=None, init="cover", format="vtu"):
+    def __init__(self, program, work, timeout, memory=None, init="cover", format="vtu",
+                 has_bodies=False):
         super().__init__(program, work, timeout)
         self.format = format
+        self.surface_options = ["--bodies"] if has_bodies else []
         self.options = ["--init", init, "--format", format]
         if memory:
             self.options += ["--memory", memory]
@@ -109,8 +114,9 @@ class Locvol(Mesher):
         output, store = (os.path.join(self.work, name) for name in ("locvol", "store"))
         files = [output, output + ".node", output + ".ele", store]
         remove(*files)
-        command = ["mesh", surface, "-o", output, "--store", store, "--size", "%.17g" % size,
-                   "--threads", str(threads), "--json", "--quiet"] + self.options
+        command = ["mesh", surface, *self.surface_options, "-o", output, "--store", store,
+                   "--size", "%.17g" % size, "--threads", str(threads), "--json", "--quiet",
+                   *self.options]
         try:
             child = self.child(command, good_codes=(0, 3))
             report = parsed(child.out)
@@ -120,6 +126,10 @@ class Locvol(Mesher):
                       "store_bytes": disk_bytes(store), "volume": report["surface"]["volume"]}
             if report.get("crease_length"):
                 result |= {key: report[key] for key in CREASES}
+            if "bodies" in report["statistics"]:
+                names = {body["id"]: body["name"] for body in report["bodies"]}
+                result["volumes"] = {names[body["id"]]: body["volume"]
+                                     for body in report["statistics"]["bodies"]}
             if report["num_unresolved"]:
                 result["note"] = "%d unresolved sites" % report["num_unresolved"]
             return result
@@ -138,17 +148,18 @@ class Locvol(Mesher):
         return self.child(["--version"]).out.strip()
 
     def info(self, surface):
-        """Facts of the surface: volume, area, box."""
-        return parsed(self.child(["info", surface, "--json"]).out)
+        """Facts of the surface: volume, area, box, bodies."""
+        return parsed(self.child(["info", surface, *self.surface_options, "--json"]).out)
 
     def output_bytes(self, surface, size):
         """Of disk that the mesh will take, with temporary files."""
-        info = self.child(["info", surface, "--size", "%.17g" % size, "--format", self.format,
-                           "--json"])
+        info = self.child(["info", surface, *self.surface_options, "--size", "%.17g" % size,
+                           "--format", self.format, "--json"])
         return parsed(info.out)["estimate"]["output_disk_bytes"]["high"]
 
-    def generate(self, shape, num_triangles, path):
-        self.child(["generate", shape, "--triangles", str(num_triangles), "-o", path])
+    def generate(self, shape, count, path):
+        what = "--grains" if shape == "polycrystal" else "--triangles"
+        self.child(["generate", shape, what, str(count), "-o", path])
 
 
 class CgalMesh3(Mesher):
@@ -165,7 +176,8 @@ class CgalMesh3(Mesher):
         self.name = self.title + ("-parallel" if is_parallel else "")
 
     def run(self, surface, size, threads, boundary=None):
-        command = [surface, "--lambda", "%.17g" % size, *self.options, "-o", "cgal.vtu"]
+        command = [*self.surface_arguments(surface), "--lambda", "%.17g" % size, *self.options,
+                   "-o", "cgal.vtu"]
         if self.is_parallel:
             command += ["--parallel", "--threads", str(threads)]
         if boundary:
@@ -179,27 +191,43 @@ class CgalMesh3(Mesher):
             return {"tetrahedra": report["n_tets"], "seconds": sum(phases.values()),
                     "cpu_seconds": sum(report["cpu_s"].values()), "phases": phases,
                     "peak_bytes": round(report["peak_rss_mb"]["write"] * 2**20),
-                    **self.creases(report)}
+                    **self.features(report)}
         except KeyError as error:
             raise Failed("its report has no %s" % error) from error
         finally:
             remove(os.path.join(self.work, "cgal.vtu"))
 
-    @staticmethod
-    def creases(report):
+    def surface_arguments(self, surface):
+        return [surface]
+
+    def features(self, report):
         return {}
 
 
 class CgalFeatures(CgalMesh3):
     """The same with protected creases, by the program cgal_features: edges on these up to 0.84 λ,
-    which is what locvol's are."""
+    which is what locvol's are. Of several bodies it gets patches, whose making does not count."""
 
     title = "cgal-features"
     options = ()
 
-    @staticmethod
-    def creases(report):
-        return {key: report[key] for key in CREASES}
+    def __init__(self, program, work, timeout, is_parallel, has_bodies=False):
+        super().__init__(program, work, timeout, is_parallel)
+        self.has_bodies = has_bodies
+
+    def surface_arguments(self, surface):
+        if not self.has_bodies:
+            return [surface]
+        patches = Child([sys.executable, "-B", PATCHES, surface, "patches"], self.work,
+                        self.timeout)
+        return patches.out.splitlines()
+
+    def features(self, report):
+        result = {key: report[key] for key in CREASES}
+        if self.has_bodies:
+            result["volumes"] = {"region " + body: volume
+                                 for body, volume in report["volumes"].items()}
+        return result
 
 
 class Filler(Mesher):

@@ -4,9 +4,12 @@
     run_benchmarks.py --locvol build/release/tools/locvol --peers DIR --threads 1,2 \\
         --cells 1M,4M bunny.ply sphere:50k
     run_benchmarks.py --locvol build/release/tools/locvol --scaling --cells 1M,10M,100M sphere:50k
+    run_benchmarks.py --locvol build/release/tools/locvol --peers DIR --bodies --sizes 5%,2% \\
+        polycrystal:30
 
-A model is a surface file, or SHAPE:TRIANGLES, which `locvol generate` makes. Tables go to standard
-output, progress to standard error. README.md beside this file says what the columns mean.
+A model is a surface file, or SHAPE:TRIANGLES or polycrystal:GRAINS, which `locvol generate` makes.
+Tables go to standard output, progress to standard error. README.md beside this file says what the
+columns mean.
 """
 import argparse
 import json
@@ -20,7 +23,8 @@ import meshers
 from meshers import Failed
 
 SMOOTH_PEERS = ("cgal-parallel", "cgal", "tetgen-fill", "hxt-fill")  # they know of no creases
-PEERS = SMOOTH_PEERS + ("cgal-features-parallel", "cgal-features")
+FEATURE_PEERS = ("cgal-features-parallel", "cgal-features")  # of several bodies, too
+PEERS = SMOOTH_PEERS + FEATURE_PEERS
 ONE_THREAD = ("cgal", "tetgen-fill", "cgal-features")
 
 
@@ -37,12 +41,13 @@ class Model:
         shape, _, num = text.partition(":")
         if num and not os.path.exists(text):
             self.name = text
-            self.path = os.path.join(work, shape + ".stl")
+            self.path = os.path.join(work, shape + (".ply" if shape == "polycrystal" else ".stl"))
             locvol.generate(shape, figures.parse_count(num), self.path)
         facts = locvol.info(self.path)
         self.volume = facts["volume"]
         low, high = facts["box"]["min"], facts["box"]["max"]
         self.smallest_side = min(b - a for a, b in zip(low, high))
+        self.volumes = {body["name"]: body["volume"] for body in facts["bodies"]}
 
     def row(self, size, mesher, threads):
         return {"model": self.name, "size": size,
@@ -55,14 +60,16 @@ class Benchmark:
         self.options = options
         self.work = work
         self.locvol = meshers.Locvol(program_at(options.locvol), work, options.timeout,
-                                     options.memory, options.init, options.format)
+                                     options.memory, options.init, options.format,
+                                     options.bodies)
         self.cgal = {
             is_parallel: meshers.CgalMesh3(self.peer("cgal_mesh3"), work, options.timeout,
                                            is_parallel)
             for is_parallel in (True, False)
         }
         features = [meshers.CgalFeatures(self.peer("cgal_features"), work, options.timeout,
-                                         is_parallel) for is_parallel in (True, False)]
+                                         is_parallel, options.bodies)
+                    for is_parallel in (True, False)]
         fillers = (meshers.TetGen(self.peer("tetgen", shutil.which("tetgen")), work,
                                   options.timeout),
                    meshers.GmshHxt(self.peer("gmsh", shutil.which("gmsh")), work,
@@ -118,7 +125,10 @@ class Benchmark:
         try:
             if mesher.problem():
                 raise Failed(mesher.problem())
-            runs[job].append(mesher.run(model.path, size, threads))
+            run = mesher.run(model.path, size, threads)
+            if "volumes" in run:
+                run["volume_error"] = figures.volume_error(run.pop("volumes"), model.volumes)
+            runs[job].append(run)
         except Failed as failure:
             errors[job] = str(failure)
 
@@ -155,10 +165,11 @@ class Benchmark:
 
     def sizes(self, model):
         """From --sizes as they are; from --cells those at which CGAL, or locvol where CGAL is not
-        there, makes so many tetrahedra."""
+        there or does not take bodies, makes so many tetrahedra."""
         if self.options.sizes:
             return [figures.parse_size(text, model.smallest_side) for text in self.options.sizes]
-        counter = self.locvol if self.cgal[True].problem() else self.cgal[True]
+        is_alone = self.options.bodies or self.cgal[True].problem()
+        counter = self.locvol if is_alone else self.cgal[True]
         counts = self.count_model(model, counter, min(self.options.cells))
         return [counts.size(cells) for cells in self.options.cells]
 
@@ -243,6 +254,9 @@ def parse_options(arguments):
     parser.add_argument("--tools", type=lambda text: text.split(","), metavar="NAME,...",
                         help="peers to run: %s (default: the first %d, if there is --peers)"
                         % (", ".join(PEERS), len(SMOOTH_PEERS)))
+    parser.add_argument("--bodies", action="store_true",
+                        help="each model has several bodies: PLY as `locvol generate polycrystal` "
+                        "writes it; peers: %s" % ", ".join(FEATURE_PEERS))
     size = parser.add_mutually_exclusive_group(required=True)
     size.add_argument("--sizes", type=lambda text: text.split(","), metavar="SIZE,...",
                       help="λ: a length, or a percentage of the smallest side (2%%)")
@@ -269,13 +283,14 @@ def parse_options(arguments):
         parser.error("--repetitions must be at least 1")
     if program_at(options.locvol) is None:
         parser.error("no program %s: build it, or name it by --locvol" % options.locvol)
+    known = FEATURE_PEERS if options.bodies else PEERS
     if options.tools is None:
-        options.tools = SMOOTH_PEERS if options.peers else ()
+        options.tools = () if not options.peers else known if options.bodies else SMOOTH_PEERS
     if options.scaling:
         options.tools = ()
     for name in options.tools:
-        if name not in PEERS:
-            parser.error("unknown tool %s; there are %s" % (name, ", ".join(PEERS)))
+        if name not in known:
+            parser.error("unknown tool %s; there are %s" % (name, ", ".join(known)))
     return options
 
 

@@ -24,6 +24,24 @@ steps = {"load": 1, "tree": 2, "refine": 30, "optimize": 0, "write": 4}
 print(json.dumps({"n_tets": round(19 / size**3 + 20 / size**2), "wall_s": steps, "cpu_s": steps,
                   "peak_rss_mb": {step: 7 for step in steps}, "some": float("nan")}))
 """
+# Volumes are those that the patches enclose.
+CGAL_OF_BODIES = """
+volumes, arguments = {}, sys.argv[1:]
+for patch in arguments[:arguments.index("--lambda")]:
+    name, front, back = patch.split(":")
+    head, counts, *lines = open(name)
+    points = [list(map(float, line.split())) for line in lines[:int(counts.split()[0])]]
+    for line in lines[len(points):]:
+        (a, b, c), (d, e, f), (g, h, i) = (points[int(v)] for v in line.split()[1:])
+        volume = (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)) / 6
+        for body, sign in ((front, -1), (back, 1)):
+            if body != "0":
+                volumes[body] = volumes.get(body, 0) + sign * volume
+steps = {"load": 1, "tree": 2, "refine": 30, "optimize": 0, "write": 4}
+print(json.dumps({"n_tets": 5000, "wall_s": steps, "cpu_s": steps, "crease_length": 12,
+                  "kept_crease_length": 11, "peak_rss_mb": {step: 7 for step in steps},
+                  "volumes": volumes}))
+"""
 TETGEN = """
 volume = float(re.search("a([0-9.]+)", sys.argv[1])[1])
 assert open(sys.argv[2]).readline() == "OFF\\n"
@@ -144,9 +162,29 @@ class Driver(unittest.TestCase):
         self.assertAlmostEqual(rows[0]["crease_length"], 12)
         self.assertAlmostEqual(rows[0]["kept_crease_length"], 12)
         self.assertEqual(rows[1]["kept_crease_length"], 11)
-        self.assertEqual([line.split(" | ")[-2] for line in done.stdout.splitlines()
+        self.assertEqual([line.split(" | ")[-3] for line in done.stdout.splitlines()
                           if line.startswith("| cube | ")],
                          ["100%", "91.666%", "91.666%", "100%", "91.666%"])
+
+    def test_compares_bodies(self):
+        self.peer("cgal_features", CGAL_OF_BODIES)
+        rows, done = self.run_driver("--bodies", "--sizes", "25%", "--repetitions", "1", "--peers",
+                                     self.peers, "polycrystal:4")
+        self.assertEqual(self.errors(rows), dict.fromkeys(
+            ["locvol", "cgal-features-parallel", "cgal-features"]))
+        self.assertLess(rows[0]["volume_error"], 0.01)
+        for row in rows[1:]:
+            self.assertLess(row["volume_error"], 1e-9)
+        self.assertAlmostEqual(rows[0]["kept_crease_length"], rows[0]["crease_length"])
+        self.assertGreater(rows[0]["crease_length"], 24 + 3)  # of the cube, and between the grains
+        self.assertIn("| volumes off by |", done.stdout)
+
+    def test_bodies_that_cannot_be_cut_into_patches_have_rows(self):
+        self.peer("cgal_features", CGAL_OF_BODIES)
+        rows, _ = self.run_driver("--bodies", "--sizes", "25%", "--repetitions", "1", "--peers",
+                                  self.peers, "--tools", "cgal-features", "sphere:500")
+        self.assertIsNone(rows[0].get("error"))
+        self.assertIn("no surface of bodies", rows[1]["error"])
 
     def test_missing_peers_have_rows(self):
         rows, done = self.run_driver("--sizes", "30%", "--repetitions", "1", "--peers",
@@ -204,6 +242,7 @@ class Driver(unittest.TestCase):
         for arguments in ([], ["s.stl"], ["--sizes", "1%"], ["--cells", "x", "s.stl"],
                           ["--scaling", "--sizes", "1%", "s.stl"],
                           ["--sizes", "1%", "--tools", "hammer", "s.stl"],
+                          ["--sizes", "1%", "--bodies", "--tools", "cgal", "s.stl"],
                           ["--sizes", "1%", "--repetitions", "0", "s.stl"],
                           ["--sizes", "1%", "--locvol", "/no/such/program", "s.stl"]):
             _, done = self.run_driver(*arguments, exit_code=2)

@@ -100,7 +100,7 @@ class Tables(unittest.TestCase):
 
     def test_are_markdown(self):
         rows = [row("locvol", 2.5, 1000000, store_bytes=12500000, crease_length=24,
-                    kept_crease_length=24 * (1 - 1e-12),
+                    kept_crease_length=24 * (1 - 1e-12), volume_error=0.00012,
                     phases={"read": 0.25, "cover": 0.5, "refine": 1.5, "write": 0.25}),
                 row("cgal", 10, 1500000, crease_length=24, kept_crease_length=24 * (1 - 1e-6)),
                 {"model": "ball", "size": 0.5, "size_percent": 25.0, "mesher": "hxt-fill",
@@ -109,13 +109,13 @@ class Tables(unittest.TestCase):
         self.assertEqual(figures.table(rows).splitlines(), [
             "| model | λ | mesher | threads | tetrahedra | total s | read s | cover s | refine s "
             "| write s | tetrahedra/s | peak MiB | store B/tet | tets per λ³ | locvol faster by "
-            "| per tet by | creases kept | note |",
-            "|" + "---|" * 18,
+            "| per tet by | creases kept | volumes off by | note |",
+            "|" + "---|" * 19,
             "| ball | 25% | locvol | 1 | 1,000,000 | 2.50 | 0.25 | 0.50 | 1.50 | 0.25 | 400,000 "
-            "| 3 | 12.5 | 2.35 | — | — | 100% |  |",
+            "| 3 | 12.5 | 2.35 | — | — | 100% | 0.0001 |  |",
             "| ball | 25% | cgal | 1 | 1,500,000 | 10.0 | — | — | 10.0 | — | 150,000 | 3 | — "
-            "| 2.35 | 4.00× | 2.67× | 99.999% |  |",
-            "| ball | 25% | hxt-fill | 1 |" + " — |" * 13 + " exit code 1: a / b c |"])
+            "| 2.35 | 4.00× | 2.67× | 99.999% | — |  |",
+            "| ball | 25% | hxt-fill | 1 |" + " — |" * 14 + " exit code 1: a / b c |"])
 
     def test_say_how_much_of_creases_is_kept(self):
         for length, kept, text in ((2, 2, "100%"), (3, 3 * (1 - 1e-10), "100%"),
@@ -123,6 +123,12 @@ class Tables(unittest.TestCase):
                                    (None, None, "—"), (0, 0, "—"), (2, None, "—")):
             self.assertEqual(figures.kept_text({"crease_length": length,
                                                 "kept_crease_length": kept}), text)
+
+    def test_say_how_far_volumes_are_off(self):
+        true = {"region 1": 2, "region 2": 8}
+        for volumes, error in (({"region 1": 2, "region 2": 8}, 0), ({"region 2": 8}, 1),
+                               ({"region 1": 2.5, "region 2": 7.5}, 0.25)):
+            self.assertEqual(figures.volume_error(volumes, true), error)
 
     def test_of_scaling_have_exponents_between_neighbors(self):
         rows = [row("locvol", 1.0, 10**6), row("locvol", 10.0, 10**7, peak_bytes=6 * 2**20),
