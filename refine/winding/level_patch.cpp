@@ -22,6 +22,7 @@
 #include "refine/domain/crossing.h"
 #include "refine/domain/cut_triangle.h"
 #include "refine/domain/leaf_domain.h"
+#include "refine/winding/rim_ears.h"
 
 namespace locvol {
 namespace {
@@ -670,6 +671,7 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
     const WindingNumber number(kept);
     fill_holes(kept, number.open(), spacing, [&](const Point& p) { return number.at(p); });
   }
+  close_notches(kept);
   add_area(kept, first_filling, counts);
   halve_open_edges(kept, spacing);
   const std::size_t first = kept.triangles.size();

@@ -16,6 +16,7 @@
 #include "refine/winding/chain.h"
 #include "refine/winding/holes_alone.h"
 #include "refine/winding/inside_surface.h"
+#include "refine/winding/rim_ears.h"
 #include "refine/winding/winding_number.h"
 
 namespace locvol {
@@ -373,6 +374,71 @@ TEST(WindingSurface, OfHolesAloneIsTheSameWithoutAllTrianglesInMemory) {
   }
   EXPECT_GT(num_closed, 5);
   EXPECT_GT(num_others, 0);
+}
+
+// A comb: unit squares in a row, and teeth on those of even places. The pockets between teeth fill,
+// and beside the last one half of a square.
+TEST(CloseNotches, FillsThePocketsOfAComb) {
+  Chain comb;
+  for (std::uint32_t y = 0; y < 3; ++y)
+    for (std::uint32_t x = 0; x < 11; ++x)
+      comb.vertices.push_back({static_cast<double>(x), static_cast<double>(y), 0});
+  const auto add_square = [&](std::uint32_t x, std::uint32_t y) {
+    const std::uint32_t a = x + 11 * y, b = a + 1, c = a + 12, d = a + 11;
+    comb.triangles.push_back({{a, b, c}, 1, 7});
+    comb.triangles.push_back({{a, c, d}, 1, 7});
+  };
+  for (std::uint32_t x = 0; x < 10; ++x) {
+    add_square(x, 0);
+    if (x % 2 == 0) add_square(x, 1);
+  }
+  const std::size_t num_before = comb.triangles.size();
+  EXPECT_EQ(close_notches(comb), 9U);
+  EXPECT_EQ(comb.triangles.size(), num_before + 9);
+  EXPECT_DOUBLE_EQ(comb.area(), 10 + 5 + 4 + 0.5);
+  for (const ChainTriangle& t : comb.triangles) {
+    EXPECT_GT(comb.normal_of(t).z, 0);
+    EXPECT_EQ(t.group, 7U);
+  }
+  EXPECT_EQ(close_notches(comb), 0U);
+}
+
+// Its lid would stand at right angles on its walls.
+TEST(CloseNotches, PutsNoLidOnABox) {
+  Chain open_box = chain_of(box({0, 0, 0}, {1, 1, 1}));
+  open_box.triangles.erase(open_box.triangles.begin() + 2, open_box.triangles.begin() + 4);
+  ASSERT_EQ(open_edges(open_box).size(), 4U);
+  EXPECT_EQ(close_notches(open_box), 0U);
+}
+
+// Of balls that lack triangles at random: each ear takes the place of one open edge by two, faces
+// outwards, and edges stay in two triangles at most that have them in opposite ways.
+TEST(CloseNotches, GoOnAlongTheSurface) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  std::size_t num_all = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    Chain chain = chain_of(ball(3));
+    std::erase_if(chain.triangles, [&](const ChainTriangle& t) {
+      return chain.vertices[t.corners[0]].z > 0.3 && random() % 4 != 0;
+    });
+    const std::size_t num_open = open_edges(chain).size(), num_before = chain.triangles.size();
+    const std::size_t num = close_notches(chain);
+    num_all += num;
+    EXPECT_EQ(open_edges(chain).size(), num_open - num);
+    for (std::size_t n = num_before; n < chain.triangles.size(); ++n) {
+      const auto [a, b, c] = chain.points_of(chain.triangles[n]);
+      EXPECT_GT(dot(chain.normal_of(chain.triangles[n]), a + b + c), 0);
+    }
+    for_each_edge(edges_of(chain), [&](std::span<const ChainEdge> uses) {
+      ASSERT_LE(uses.size(), 2U);
+      if (uses.size() == 2) {
+        EXPECT_NE(uses[0].is_upward, uses[1].is_upward);
+      }
+    });
+  }
+  EXPECT_GT(num_all, 100U);
 }
 
 // Wide, but not so far from the level that it has to be followed.
