@@ -133,6 +133,17 @@ std::vector<OpenEdge> open_edges(const Chain& chain) {
   return open;
 }
 
+std::set<std::pair<std::uint32_t, std::uint32_t>> edges_between(
+    const Chain& chain, const std::vector<bool>& is_marked) {
+  std::set<std::pair<std::uint32_t, std::uint32_t>> edges;
+  for (const ChainTriangle& t : chain.triangles)
+    for (std::size_t k = 0; k < 3; ++k)
+      if (const std::uint32_t a = t.corners[k], b = t.corners[(k + 1) % 3];
+          is_marked[a] && is_marked[b])
+        edges.insert(std::minmax(a, b));
+  return edges;
+}
+
 std::vector<std::vector<std::uint32_t>> loops_of(std::span<const OpenEdge> edges,
                                                  std::size_t num_vertices) {
   // By their ends' origins, each as often as it is there.

@@ -4,7 +4,9 @@
 
 #include <array>
 #include <cstdint>
+#include <set>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "octree/geometry.h"
@@ -66,6 +68,9 @@ void unite_equal(Chain& chain);
 void append(const Chain& other, Chain& chain);
 // In order of their ends. None: the chain is closed.
 std::vector<OpenEdge> open_edges(const Chain& chain);
+// Of the triangles, those whose two vertices are marked; the smaller vertex first.
+std::set<std::pair<std::uint32_t, std::uint32_t>> edges_between(const Chain& chain,
+                                                                const std::vector<bool>& is_marked);
 // Each loop as places in `edges`, without a vertex twice; an edge is in as many as it is there.
 // In an order that the edges decide.
 std::vector<std::vector<std::uint32_t>> loops_of(std::span<const OpenEdge> edges,

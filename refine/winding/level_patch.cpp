@@ -211,12 +211,7 @@ void fill_loops(Chain& chain, std::span<const OpenEdge> open, const IsLeft& is_l
   for (OpenEdge& e : back) std::swap(e.from, e.to);
   std::vector<bool> is_open(chain.vertices.size());
   for (const OpenEdge& e : open) is_open[e.from] = is_open[e.to] = true;
-  std::set<Edge> there;  // between open edges
-  for (const ChainTriangle& t : chain.triangles)
-    for (std::size_t k = 0; k < 3; ++k)
-      if (const std::uint32_t a = t.corners[k], b = t.corners[(k + 1) % 3];
-          is_open[a] && is_open[b])
-        there.insert(edge_of(a, b));
+  std::set<Edge> there = edges_between(chain, is_open);
   EdgeSplitter splitter(chain, std::move(is_open));
   for (const std::vector<std::uint32_t>& loop : loops_of(back, chain.vertices.size())) {
     std::vector<std::uint32_t> corners;
@@ -667,11 +662,11 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
                  t = std::size_t{0}](const ChainTriangle&) mutable { return islands[t++]; });
   const SheetId group = kept.triangles.empty() ? 0 : kept.triangles.front().group;
   const std::size_t first_filling = kept.triangles.size();
-  {
+  const bool has_left = [&] {
     const WindingNumber number(kept);
-    fill_holes(kept, number.open(), spacing, [&](const Point& p) { return number.at(p); });
-  }
-  close_notches(kept);
+    return fill_holes(kept, number.open(), spacing, [&](const Point& p) { return number.at(p); });
+  }();
+  if (has_left) close_notches(kept);
   add_area(kept, first_filling, counts);
   halve_open_edges(kept, spacing);
   const std::size_t first = kept.triangles.size();

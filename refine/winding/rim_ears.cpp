@@ -24,18 +24,17 @@ constexpr double kTurn = 0.5;  // the cosine between an ear and the surface at i
 class Rim {
  public:
   explicit Rim(Chain& chain) : chain_(chain), corners_(chain.vertices.size()) {
+    std::vector<bool> is_open(corners_.size());
     for (const OpenEdge& e : open_edges(chain)) {
       add(corners_[e.from].num_after, corners_[e.from].after, e.to, e.times);
       add(corners_[e.to].num_before, corners_[e.to].before, e.from, e.times);
       corners_[e.from].group = e.group;
+      is_open[e.from] = is_open[e.to] = true;
     }
+    edges_ = edges_between(chain, is_open);
     for (const ChainTriangle& t : chain.triangles) {
       const Point normal = static_cast<double>(t.times) * chain.normal_of(t);
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t a = t.corners[k], b = t.corners[(k + 1) % 3];
-        corners_[a].normal = corners_[a].normal + normal;
-        if (is_open(a) && is_open(b)) edges_.insert(std::minmax(a, b));
-      }
+      for (const std::uint32_t v : t.corners) corners_[v].normal = corners_[v].normal + normal;
     }
     for (std::uint32_t v = 0; v < corners_.size(); ++v) note(v);
   }
@@ -62,9 +61,6 @@ class Rim {
   static void add(std::int32_t& num, std::uint32_t& place, std::uint32_t v, std::int32_t times) {
     num += times;
     place = v;
-  }
-  bool is_open(std::uint32_t v) const {
-    return corners_[v].num_before > 0 || corners_[v].num_after > 0;
   }
   bool is_simple(std::uint32_t v) const {
     return corners_[v].num_before == 1 && corners_[v].num_after == 1;
