@@ -64,12 +64,11 @@ Point sheared(const Point& way, double size) {
   return length < kThin * size ? kShear / size * length * cross(kAxis, way) : Point{};
 }
 
-// Does no other side stand between the two?
-bool sees(const LeafDomain& domain, const Point& p, const Point& place,
-          std::vector<Crossing>& met) {
-  constexpr double kEnd = 1e-3;  // beyond its ends
-  domain.crossings(p, place, met);
-  return std::ranges::none_of(met, [](const Crossing& c) { return c.t > kEnd && c.t < 1 - kEnd; });
+// Does no other side stand between the two, which lie on theirs?
+bool sees(const LeafDomain& domain, const Point& p, const Point& place) {
+  constexpr double kEnd = 1e-3;  // of the way
+  const Point end = kEnd * (place - p);
+  return !domain.is_crossed(p + end, place - end);
 }
 
 // The triangles near a place, sheet by sheet: there may be hundreds of these.
@@ -106,9 +105,8 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
     closest.back() = {t.sheet, place, normal, distance2};
   }
   const bool is_one_body = domain.only_body().has_value();
-  std::vector<Crossing> met;
   std::erase_if(closest, [&](ClosestOfSheet& other) {
-    return !turns_away(p, outwards, is_one_body, other) || !sees(domain, p, other.position, met);
+    return !turns_away(p, outwards, is_one_body, other) || !sees(domain, p, other.position);
   });
   if (closest.empty()) return here;  // nearly always, where nothing is thin or acute
   find_by_sheets(domain, p, farthest, near);

@@ -104,6 +104,13 @@ inline bool is_covered_without(const LeafDomain& domain, const Point& before,
                                const CoverRadius& radius, std::span<const Point> samples,
                                std::span<const Point> hidden) {
   const double radius2 = radius.most * radius.most, covered2 = radius.least * radius.least;
+  std::size_t last = 0;  // what served for one fragment nearly always serves for the next
+  const auto is_one = [&](const auto& serves) {
+    if (last < samples.size() && serves(samples[last])) return true;
+    const auto found = std::ranges::find_if(samples, serves);
+    if (found != samples.end()) last = static_cast<std::size_t>(found - samples.begin());
+    return found != samples.end();
+  };
   return is_known_around(domain, before, radius.most, [&](const Fragment& f) {
     const Box box = f.box();
     if (box.squared_distance(before) > radius2) return true;  // others are closer
@@ -113,9 +120,9 @@ inline bool is_covered_without(const LeafDomain& domain, const Point& before,
     };
     const auto is_hidden = [&](const Point& p) {
       return box.squared_distance(p) >= radius2 ||
-             std::ranges::any_of(samples, [&](const Point& s) { return is_nearer(f, s, p); });
+             is_one([&](const Point& s) { return is_nearer(f, s, p); });
     };
-    return std::ranges::any_of(samples, covers) && std::ranges::all_of(hidden, is_hidden);
+    return is_one(covers) && std::ranges::all_of(hidden, is_hidden);
   });
 }
 

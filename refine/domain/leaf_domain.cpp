@@ -473,6 +473,19 @@ void LeafDomain::crossings(const Point& a, const Point& b, std::vector<Crossing>
   });
 }
 
+bool LeafDomain::is_crossed(const Point& a, const Point& b) const {
+  const Box segment = Box::around(a).joined(b);
+  if (!segment.overlaps(impl_->region)) return false;
+  bool is_met = false;
+  impl_->for_each_cell_along(a, b, [&](std::size_t cell) {
+    is_met =
+        is_met || std::ranges::any_of(impl_->held_by(cell), [&](Impl::Index t) {
+          return impl_->boxes[t].overlaps(segment) && segment_crosses(a, b, impl_->triangles[t]);
+        });
+  });
+  return is_met;
+}
+
 double LeafDomain::distance_bound(const Point& p) const {
   const auto [i, j, k] = impl_->cell_of(p);
   return impl_->distance_bound(impl_->rings[impl_->index(i, j, k)]);

@@ -115,6 +115,8 @@ class LeafDomain {
   // Finds all crossings with the surface, by t, each triangle at most once. The part of the segment
   // outside region() is ignored.
   void crossings(const Point& a, const Point& b, std::vector<Crossing>& out) const;
+  // Tells whether there is one.
+  bool is_crossed(const Point& a, const Point& b) const;
 
   // ---- Of the surface near a place
   // A lower bound of the distance from p to the surface within region(), 0 if nothing better is

@@ -145,6 +145,7 @@ TEST_P(LeafDomainOf, CrossingsAreThoseOfBruteForceAndTheirParityTheSides) {
     for (const Crossing& c : found) ids.push_back(c.triangle);
     std::ranges::sort(ids);
     ASSERT_EQ(ids, brute_force::crossings(a, b, mesh_)) << "seed " << kSeed << ", n " << n;
+    ASSERT_EQ(domain_.is_crossed(a, b), !ids.empty()) << "seed " << kSeed << ", n " << n;
   }
 }
 
@@ -218,6 +219,7 @@ TEST_P(LeafDomainOf, SegmentsFromOutsideTheRegionAreCrossedLikeAnyOther) {
     for (const Crossing& c : found) ids.push_back(c.triangle);
     std::ranges::sort(ids);
     ASSERT_EQ(ids, brute_force::crossings(a, b, mesh_)) << "seed " << kSeed << ", n " << n;
+    ASSERT_EQ(domain_.is_crossed(a, b), !ids.empty()) << "seed " << kSeed << ", n " << n;
   }
 }
 
