@@ -82,7 +82,7 @@ class EdgeFinder {
         soup_(soup_of(triangles_)),
         mates_(paired_edges(soup_.vertices.size(), soup_.triangles)),
         names_(soup_.vertices.size(), kNoName),
-        is_sharp_(soup_.vertices.size()) {
+        has_tip_(soup_.vertices.size(), true) {
     normals_.reserve(triangles_.size());
     for (const Triangle& t : triangles_) normals_.push_back(needles.normal_of(t));
     for (std::uint32_t h = 0; h < mates_.size(); ++h) {
@@ -98,8 +98,10 @@ class EdgeFinder {
 
   CellCreases run() && {
     CellCreases found;
-    for (std::uint32_t h = 0; h < mates_.size(); ++h)
+    for (std::uint32_t h = 0; h < mates_.size(); ++h) {
       if (const std::uint32_t g = mates_[h]; g != kNoHalfEdge && h < g) look_at(h, g, found);
+      if (angle_.is_over_hole(triangles_[h / 3])) has_tip_[origin(soup_.triangles, h)] = false;
+    }
     if (has_contacts_)
       EdgeTable(soup_.vertices.size(), soup_.triangles)
           .for_each_edge([&](std::span<const std::uint32_t> uses) {
@@ -120,10 +122,11 @@ class EdgeFinder {
     const bool is_given = given_.contains(position(v), position(w));
     const bool is_by_angle =
         angle_.is_given() &&
-        (one != other || angle_.is_exceeded(normals_[h / 3], normals_[g / 3],
-                                            is_turned_across(soup_.triangles, h, g)));
+        (one != other ||
+         angle_.is_exceeded(triangles_[h / 3], normals_[h / 3], triangles_[g / 3], normals_[g / 3],
+                            is_turned_across(soup_.triangles, h, g)));
     if (!is_given && !is_by_angle) return;
-    is_sharp_[v] = is_sharp_[w] = true;
+    has_tip_[v] = has_tip_[w] = false;
     if (position(w) < position(v)) std::swap(v, w);
     const CellEdge edge{.edge = {.ends = {position(v), position(w)},
                                  .sheets = {std::min(one, other), std::max(one, other)},
@@ -137,7 +140,7 @@ class EdgeFinder {
   // Of an edge that is not in the closed cell, some triangles may be missing.
   void take_junction(std::span<const std::uint32_t> uses, CellCreases& found) {
     std::uint32_t v = origin(soup_.triangles, uses[0]), w = target(soup_.triangles, uses[0]);
-    is_sharp_[v] = is_sharp_[w] = true;
+    has_tip_[v] = has_tip_[w] = false;
     if (position(w) < position(v)) std::swap(v, w);
     SurfaceName name = kNoName;
     std::vector<SheetId> sheets;
@@ -168,7 +171,7 @@ class EdgeFinder {
     const Components components = find_components(soup_.triangles, mates_);
     for (std::uint32_t h = 0; h < mates_.size(); ++h) {
       const std::uint32_t v = origin(soup_.triangles, h);
-      if (is_sharp_[v] || !box_.contains(position(v))) continue;
+      if (!has_tip_[v] || !box_.contains(position(v))) continue;
       const Point one = position(target(soup_.triangles, h)) - position(v),
                   other = position(apex(soup_.triangles, h)) - position(v);
       const double angle = std::atan2(norm(cross(one, other)), dot(one, other));
@@ -193,7 +196,7 @@ class EdgeFinder {
   TriangleSoup soup_;
   Mates mates_;
   std::vector<SurfaceName> names_;  // of vertices
-  std::vector<bool> is_sharp_;      // vertices of edges that are found
+  std::vector<bool> has_tip_;       // of vertices: not those of edges that are found, or at holes
   std::vector<Point> normals_;
 };
 

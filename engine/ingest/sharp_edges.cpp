@@ -61,8 +61,10 @@ void SharpEdges::add(const SharpEdges& others) {
     needles.insert(needles.end(), others.needles.begin(), others.needles.end());
 }
 
-SharpAngle::SharpAngle(double degrees)
-    : is_given_(degrees > 0), least_cosine_(std::cos(degrees * std::numbers::pi / 180)) {}
+SharpAngle::SharpAngle(double degrees, std::uint64_t first_over_hole)
+    : is_given_(degrees > 0),
+      least_cosine_(std::cos(degrees * std::numbers::pi / 180)),
+      first_over_hole_(first_over_hole) {}
 
 SharpEdges sharp_edges_of(std::span<const Triangle> triangles, const TriangleSoup& soup,
                           const Mates& mates, const std::vector<bool>& is_turned,

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -47,8 +48,17 @@ struct SharpEdges {
 // Tells by how much normals turn, of an angle in degrees; at 0, no edge is sharp.
 class SharpAngle {
  public:
-  explicit SharpAngle(double degrees);
+  // `first_over_hole`: from this id on, triangles close holes, and their edges are not sharp.
+  explicit SharpAngle(double degrees, std::uint64_t first_over_hole = kNoHoles);
+  static constexpr std::uint64_t kNoHoles = std::numeric_limits<std::uint64_t>::max();
   bool is_given() const { return is_given_; }
+  bool is_over_hole(const Triangle& triangle) const { return triangle.id >= first_over_hole_; }
+  // Does the surface turn by more between two triangles with these normals?
+  bool is_exceeded(const Triangle& one, const Point& normal, const Triangle& other,
+                   const Point& other_normal, bool is_turned) const {
+    return !is_over_hole(one) && !is_over_hole(other) &&
+           is_exceeded(normal, other_normal, is_turned);
+  }
   // `is_turned`: along their edge, the triangles' corners run the same way.
   bool is_exceeded(const Point& normal, const Point& other, bool is_turned) const {
     const double cosine = dot(normal, other);
@@ -59,6 +69,7 @@ class SharpAngle {
  private:
   bool is_given_;
   double least_cosine_;
+  std::uint64_t first_over_hole_;
 };
 
 // Do the triangles on the two sides of an edge run along it the same way?

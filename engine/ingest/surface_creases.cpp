@@ -67,7 +67,7 @@ class CreaseCollector {
 // All edges that may be part of creases go to `cells`. Returns their parts' pieces.
 CreasePieces find_edges(const CheckedSurface& surface, const CreaseLaw& law, IngestWatch& watch,
                         Workers& workers, const IngestShare& share, CreasesOfCells& cells) {
-  const SharpAngle angle(law.sharp_angle);
+  const SharpAngle angle(law.sharp_angle, surface.first_over_hole);
   const NeedleNormals needles(surface.sharp.needles);
   CreaseCollector collector(law.most);
   std::size_t bucket = 0;

@@ -142,8 +142,12 @@ class SurfacePreparation {
     TriangleList list;
     TriangleWriter writer(raw_.spill, list);
     std::uint64_t id = 0;
+    std::vector<Triangle> over_holes;  // come last
     const auto write = [&](const std::array<Point, 3>& corners, SheetId group) {
-      writer.append({id++, corners, group});
+      if ((group & kOverHole) != 0)
+        over_holes.push_back({0, corners, group & ~kOverHole});
+      else
+        writer.append({id++, corners, group});
     };
     if (!closes_holes_alone(gap, write)) {
       require_memory_for(raw_.num_triangles());
@@ -153,6 +157,11 @@ class SurfacePreparation {
         const auto& [a, b, c] = found.triangles[t];
         write(std::array{found.vertices[a], found.vertices[b], found.vertices[c]}, found.groups[t]);
       }
+    }
+    first_over_hole_ = id;
+    for (Triangle& t : over_holes) {
+      t.id = id++;
+      writer.append(t);
     }
     writer.flush();
     if (list.count == 0)
@@ -818,6 +827,7 @@ class SurfacePreparation {
     surface.files = std::move(raw_.files);
     surface.file_of_group = std::move(raw_.file_of_group);
     surface.sharp = std::move(findings_.sharp);
+    if (!raw_.has_pieces) surface.first_over_hole = first_over_hole_;
     surface.facts = {.file = raw_.file,
                      .num_vertices = findings_.num_vertices,
                      .num_triangles = findings_.num_triangles,
@@ -864,6 +874,7 @@ class SurfacePreparation {
   SharpAngle angle_;
   WindingLaw winding_;
   WindingChanges wound_;
+  std::uint64_t first_over_hole_ = SharpAngle::kNoHoles;  // triangle
   TriangleBuckets buckets_;
   SurfaceFindings findings_;
   bool drops_copies_ = false;

@@ -159,6 +159,7 @@ struct CheckedSurface {
   std::vector<std::string> groups;  // see RawSurface
   std::map<std::string, Color> colors;
   SharpEdges sharp;
+  std::uint64_t first_over_hole = SharpAngle::kNoHoles;  // see SharpAngle
   TriangleSpill spill;
   TriangleBuckets buckets;
   // By what the buckets' triangles carry, the sheets that load() gives them. Empty: their groups.

@@ -87,7 +87,7 @@ class SheetsOfCell {
       if (g == kNoHalfEdge || g < h) continue;
       const bool has_one_group = triangles[h / 3].sheet == triangles[g / 3].sheet;
       if (has_one_group &&
-          !angle.is_exceeded(normals[h / 3], normals[g / 3],
+          !angle.is_exceeded(triangles[h / 3], normals[h / 3], triangles[g / 3], normals[g / 3],
                              is_turned_across(soup_.triangles, h, g)) &&
           !given.contains(position(origin(soup_.triangles, h)),
                           position(target(soup_.triangles, h))))
@@ -143,7 +143,7 @@ Numbered sheets_of_groups(const CheckedSurface& surface) {
 // The buckets' triangles then carry the numbers of their parts.
 Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWatch& watch,
                          Workers& workers, const IngestShare& share) {
-  const SharpAngle angle(law.sharp_angle);
+  const SharpAngle angle(law.sharp_angle, surface.first_over_hole);
   const NeedleNormals needles(surface.sharp.needles);
   PartJoiner<SheetPart> joiner;
   SheetPieces pieces;

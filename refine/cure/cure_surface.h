@@ -20,6 +20,10 @@ struct LooseSurface {
   std::vector<SheetId> groups;  // of each triangle; empty: there are none
 };
 
+// Added to the groups of triangles over wide holes, but where the rim lies in a plane: there the
+// surface turns as the rim happens to be, and not as what it is of.
+inline constexpr SheetId kOverHole = SheetId{1} << 31;
+
 struct RepairLaw {
   double weld = 0;             // points at open edges that are closer become one,
   bool is_weld_given = false;  // unless that is more than a tenth of the shortest of these edges

@@ -40,9 +40,9 @@ double snapping_distance(const Box& box);
 // A closed surface: each edge is in an even number of triangles, and they face away from what is
 // inside; where rounding does not let it close, some edges stay open. It may meet itself as much
 // as rounding does. Groups of what closes holes are those around
-// them. `spacing`: holes more than three times as wide get vertices as far apart. `gap`:
-// points at open edges that are closer become one, unless that is more than a tenth of such edges
-// at them. No triangles: nothing is inside. Throws Stopped.
+// them, some with kOverHole. `spacing`: holes more than three times as wide get vertices as far
+// apart. `gap`: points at open edges that are closer become one, unless that is more than a tenth
+// of such edges at them. No triangles: nothing is inside. Throws Stopped.
 LooseSurface winding_surface(const LooseSurface& surface, double spacing, double gap,
                              WindingChanges& changes, const StopToken* stop);
 

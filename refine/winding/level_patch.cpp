@@ -16,6 +16,7 @@
 
 #include "octree/disjoint_sets.h"
 #include "octree/sort_and_unite.h"
+#include "refine/cure/cure_surface.h"
 #include "refine/cure/fill_loop.h"
 #include "refine/domain/box_tree.h"
 #include "refine/domain/closest_point.h"
@@ -202,11 +203,22 @@ std::size_t turn_needles(std::span<const Point> points, std::vector<Face>& filli
   return needles.size();
 }
 
+// Does a loop lie in a plane, but for rounding?
+bool is_flat(std::span<const Point> loop) {
+  constexpr double kFlat = 1e-6;  // of its extent
+  Point normal;
+  for (std::size_t i = 0; i < loop.size(); ++i)
+    normal = normal + cross(loop[i] - loop[0], loop[(i + 1) % loop.size()] - loop[0]);
+  const double most = kFlat * extent_of(loop) * norm(normal);
+  return std::ranges::all_of(
+      loop, [&](const Point& p) { return std::abs(dot(p - loop[0], normal)) <= most; });
+}
+
 // Fills loops, but for those whose filling is_left(points, filling); triangles have the groups of
-// the edges that they begin at. Where an edge across a loop is there already, four triangles would
-// share it: that loop gets a vertex in its middle.
+// the edges that they begin at, over loops from `wide` on with kOverHole. Where an edge across a
+// loop is there already, four triangles would share it: that loop gets a vertex in its middle.
 template <class IsLeft>
-void fill_loops(Chain& chain, std::span<const OpenEdge> open, const IsLeft& is_left) {
+void fill_loops(Chain& chain, std::span<const OpenEdge> open, double wide, const IsLeft& is_left) {
   std::vector<OpenEdge> back(open.begin(), open.end());
   for (OpenEdge& e : back) std::swap(e.from, e.to);
   std::vector<bool> is_open(chain.vertices.size());
@@ -231,6 +243,7 @@ void fill_loops(Chain& chain, std::span<const OpenEdge> open, const IsLeft& is_l
     };
     std::vector<Face> filling = triangles_in_loop(points, beyond);
     if (is_left(points, filling)) continue;
+    const SheetId over_hole = extent_of(points) >= wide && !is_flat(points) ? kOverHole : 0;
     std::size_t num_needles = turn_needles(points, filling);
     const bool is_fan = filling.empty() || std::ranges::any_of(filling, [&](const Face& t) {
                           for (std::size_t k = 0; k < 3; ++k) {
@@ -250,7 +263,7 @@ void fill_loops(Chain& chain, std::span<const OpenEdge> open, const IsLeft& is_l
       if (n + num_needles >= filling.size() &&
           splitter.split({corners[t[0]], corners[t[1]], corners[t[2]]}))
         continue;
-      ChainTriangle triangle{{}, 1, back[loop[t[0]]].group};
+      ChainTriangle triangle{{}, 1, back[loop[t[0]]].group | over_hole};
       for (std::size_t k = 0; k < 3; ++k)
         triangle.corners[k] = t[k] < num ? back[loop[t[k]]].from
                                          : static_cast<std::uint32_t>(chain.vertices.size() - 1);
@@ -262,7 +275,8 @@ void fill_loops(Chain& chain, std::span<const OpenEdge> open, const IsLeft& is_l
 }
 
 void fill_all_loops(Chain& chain) {
-  fill_loops(chain, open_edges(chain),
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  fill_loops(chain, open_edges(chain), kNone,
              [](std::span<const Point>, std::span<const Face>) { return false; });
 }
 
@@ -634,16 +648,18 @@ bool fill_holes(Chain& kept, std::span<const OpenEdge> open, double spacing,
                 const std::function<double(const Point&)>& number) {
   constexpr std::size_t kMostWideEdges = 300;  // of a wide hole that is filled
   bool has_left = false;
-  fill_loops(kept, open, [&](std::span<const Point> points, std::span<const Face> filling) {
-    const bool is_left =
-        extent_of(points) >= kWide * spacing &&
-        (points.size() > kMostWideEdges || filling.empty() ||
-         !std::ranges::all_of(filling, [&](const Face& t) {
-           return is_near_level(number((1.0 / 3) * (points[t[0]] + points[t[1]] + points[t[2]])));
-         }));
-    has_left |= is_left;
-    return is_left;
-  });
+  fill_loops(kept, open, kWide * spacing,
+             [&](std::span<const Point> points, std::span<const Face> filling) {
+               const bool is_left =
+                   extent_of(points) >= kWide * spacing &&
+                   (points.size() > kMostWideEdges || filling.empty() ||
+                    !std::ranges::all_of(filling, [&](const Face& t) {
+                      return is_near_level(
+                          number((1.0 / 3) * (points[t[0]] + points[t[1]] + points[t[2]])));
+                    }));
+               has_left |= is_left;
+               return is_left;
+             });
   return has_left;
 }
 
@@ -680,6 +696,7 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
       .build(rim, around);
   fill_all_loops(kept);
   give_groups(kept, first, group);
+  for (std::size_t t = first; t < kept.triangles.size(); ++t) kept.triangles[t].group |= kOverHole;
   add_area(kept, first, counts);
   return counts;
 }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "octree/geometry.h"
+#include "refine/cure/cure_surface.h"
 
 namespace locvol {
 namespace {
@@ -87,7 +88,7 @@ class Rim {
 
   bool close(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
     if (!is_simple(a) || !is_simple(c) || edges_.contains(std::minmax(a, c))) return false;
-    const ChainTriangle ear{{c, b, a}, 1, corners_[b].group};
+    const ChainTriangle ear{{c, b, a}, 1, corners_[b].group | kOverHole};
     const Point normal = chain_.normal_of(ear);
     const double size = norm(normal);
     for (const std::uint32_t v : ear.corners)

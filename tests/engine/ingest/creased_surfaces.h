@@ -30,6 +30,7 @@ struct CreaseTrial {
   std::size_t most = kMaxCreases;
   std::filesystem::path polylines = {};  // whose edges are sharp, too
   std::string digest = {};               // of these; empty: as they are
+  WindingLaw winding = {};
 };
 
 // Each cell has to have just the edges and corners that meet it.
@@ -46,7 +47,7 @@ inline Creased creases_in(const std::filesystem::path& file, const CreaseTrial& 
   const Frame frame = frame_of(raw.box);
   CheckedSurface surface =
       check_surface(std::move(raw), frame, watch, workers, trial.bucket_capacity, IngestShare(),
-                    std::nullopt, trial.sharp_angle);
+                    std::nullopt, trial.sharp_angle, 0, trial.winding);
   const std::string digest =
       trial.digest.empty() ? survey_polylines(trial.polylines) : trial.digest;
   find_given_edges(surface, {trial.polylines, digest}, watch, workers, IngestShare());

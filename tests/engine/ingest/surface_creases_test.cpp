@@ -277,6 +277,31 @@ TEST(SurfaceCreases, ABoxHasTwelveAndEightCorners) {
   EXPECT_TRUE(none.surface.creases.empty() && none.surface.corners.empty());
 }
 
+// Around one face that is missing, its edges are creases as before; around two that meet, none is
+// where a wide hole is closed, and no tip either.
+TEST(SurfaceCreases, AreNotAtWideHolesWithBentRims) {
+  const SurfaceFiles files;
+  const auto length_without = [&](int num_faces) {
+    Polygons box = box_of_triangles({0, 0, 0}, {3, 2, 1});
+    const auto is_of_face = [&](const auto& face, auto lies_there) {
+      return std::ranges::all_of(face, [&](auto v) { return lies_there(box.vertices[v]); });
+    };
+    std::erase_if(box.faces, [&](const auto& face) {
+      return is_of_face(face, [](const Point& p) { return p.z == 1; }) ||
+             (num_faces == 2 && is_of_face(face, [](const Point& p) { return p.y == 2; }));
+    });
+    const Creased found =
+        creases_in(files.write("open.off", to_off(box)),
+                   {.winding = {InsideRule::kWinding, 0.3, std::uint64_t{1} << 30}});
+    double length = 0;
+    for (const CreaseFacts& crease : found.sheets.creases) length += crease.length;
+    EXPECT_EQ(found.sheets.num_corners, num_faces == 1 ? 8U : 6U);
+    return length;
+  };
+  EXPECT_DOUBLE_EQ(length_without(1), 4 * (3 + 2 + 1));
+  EXPECT_DOUBLE_EQ(length_without(2), 3 + 2 * 2 + 2 * 1);
+}
+
 TEST(SurfaceCreases, TooManyAreNone) {
   const SurfaceFiles files;
   const auto file = files.write("box.off", to_off(box_of_triangles({0, 0, 0}, {3, 2, 1})));

@@ -398,7 +398,8 @@ TEST(CloseNotches, FillsThePocketsOfAComb) {
   EXPECT_DOUBLE_EQ(comb.area(), 10 + 5 + 4 + 0.5);
   for (const ChainTriangle& t : comb.triangles) {
     EXPECT_GT(comb.normal_of(t).z, 0);
-    EXPECT_EQ(t.group, 7U);
+    EXPECT_EQ(t.group & ~kOverHole, 7U);
+    EXPECT_EQ((t.group & kOverHole) != 0, &t >= &comb.triangles[num_before]);
   }
   EXPECT_EQ(close_notches(comb), 0U);
 }
@@ -545,6 +546,36 @@ TEST(WindingSurface, KeepsGroups) {
     EXPECT_GE(group, 1u);
     EXPECT_LE(group, 5u);
   }
+}
+
+// Of triangles over holes, those that are called so have this area.
+double area_over_holes(const LooseSurface& s) {
+  double area = 0;
+  for (std::size_t t = 0; t < s.triangles.size(); ++t) {
+    const auto& [a, b, c] = s.triangles[t];
+    if ((s.groups[t] & kOverHole) != 0)
+      area += 0.5 * norm(cross(s.vertices[b] - s.vertices[a], s.vertices[c] - s.vertices[a]));
+  }
+  return area;
+}
+
+// A face that is missing leaves its edges in a plane; two leave a rim that is bent.
+TEST(WindingSurface, TellsWhatIsOverWideHolesWithBentRims) {
+  LooseSurface open = box({0, 0, 0}, {1, 1, 1});
+  open.triangles.resize(10);
+  open.groups.resize(10);
+  EXPECT_EQ(area_over_holes(wound(open, 0.2)), 0);
+  open = box({0, 0, 0}, {1, 1, 1});
+  open.triangles.erase(open.triangles.begin() + 6, open.triangles.begin() + 8);
+  open.triangles.resize(8);
+  open.groups.resize(8);
+  EXPECT_EQ(area_over_holes(wound(open, 0.4)), 0);
+  const LooseSurface found = wound(open, 0.2);
+  double area = 0;
+  for (const auto& [a, b, c] : found.triangles)
+    area += 0.5 * norm(cross(found.vertices[b] - found.vertices[a],
+                             found.vertices[c] - found.vertices[a]));
+  EXPECT_NEAR(area_over_holes(found), area - 4, 1e-9);
 }
 
 }  // namespace
