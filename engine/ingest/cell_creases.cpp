@@ -70,10 +70,11 @@ class EdgesOfCell {
 // Finds the edges and tips among the triangles of a cell.
 class EdgeFinder {
  public:
-  EdgeFinder(std::vector<Triangle> triangles, const Box& box, const SharpAngle& angle,
-             const NeedleNormals& needles, const EdgeSet& given, bool has_contacts,
-             double least_extent)
+  EdgeFinder(std::vector<Triangle> triangles, std::span<const SheetPiece> pieces, const Box& box,
+             const SharpAngle& angle, const NeedleNormals& needles, const EdgeSet& given,
+             bool has_contacts, double least_extent)
       : triangles_(std::move(triangles)),
+        pieces_(pieces),
         box_(box),
         angle_(angle),
         given_(given),
@@ -127,6 +128,7 @@ class EdgeFinder {
                             is_turned_across(soup_.triangles, h, g)));
     if (!is_given && !is_by_angle) return;
     has_tip_[v] = has_tip_[w] = false;
+    if (!is_given && !pieces_.empty() && pieces_[h / 3].is_beside_strip(pieces_[g / 3])) return;
     if (position(w) < position(v)) std::swap(v, w);
     const CellEdge edge{.edge = {.ends = {position(v), position(w)},
                                  .sheets = {std::min(one, other), std::max(one, other)},
@@ -188,6 +190,7 @@ class EdgeFinder {
   }
 
   std::vector<Triangle> triangles_;
+  std::span<const SheetPiece> pieces_;  // of these; or empty
   const Box& box_;
   const SharpAngle& angle_;
   const EdgeSet& given_;
@@ -235,13 +238,13 @@ void find_corners(const Box& box, CellCreases& creases) {
 
 }  // namespace
 
-CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
-                        const TriangleBuckets& buckets, const SharpAngle& angle,
+CellParts edges_of_cell(std::vector<Triangle> triangles, std::span<const SheetPiece> pieces,
+                        MortonKey cell, const TriangleBuckets& buckets, const SharpAngle& angle,
                         const NeedleNormals& needles, const EdgeSet& given, bool has_contacts,
                         double least_extent) {
   const EdgesOfCell of_cell(cell, buckets);
   CellParts found;
-  found.creases = EdgeFinder(std::move(triangles), of_cell.box(), angle, needles, given,
+  found.creases = EdgeFinder(std::move(triangles), pieces, of_cell.box(), angle, needles, given,
                              has_contacts, least_extent)
                       .run();
   std::vector<CellEdge>& edges = found.creases.edges;

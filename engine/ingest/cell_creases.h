@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "engine/ingest/crease_parts.h"
 #include "engine/ingest/given_edges.h"
 #include "engine/ingest/sharp_edges.h"
+#include "engine/ingest/sheet_plan.h"
 #include "engine/ingest/triangle_buckets.h"
 #include "octree/geometry.h"
 #include "octree/morton_key.h"
@@ -34,12 +36,13 @@ inline constexpr double kCreaseTurn = 45;
 // The edges that are given, those where other than two triangles meet, and if there is an angle,
 // those between sheets, and those where the
 // surface turns by more than it; and, as corners, the tips of cones: vertices without such edges,
-// around which the surface leans by more than the angle on average. Edges within a sheet that are
-// not given may be noise: they are in parts that hang together at their vertices, and parts that
-// are noise and that no other cell has are left out. Others are in none: kNoPart.
+// around which the surface leans by more than the angle on average. `pieces`: what the triangles
+// are of, or empty: edges beside strips are none. Edges within a sheet that are not given may be
+// noise: they are in parts that hang together at their vertices, and parts that are noise and that
+// no other cell has are left out. Others are in none: kNoPart.
 inline constexpr CreaseId kNoPart = 0;
-CellParts edges_of_cell(std::vector<Triangle> triangles, MortonKey cell,
-                        const TriangleBuckets& buckets, const SharpAngle& angle,
+CellParts edges_of_cell(std::vector<Triangle> triangles, std::span<const SheetPiece> pieces,
+                        MortonKey cell, const TriangleBuckets& buckets, const SharpAngle& angle,
                         const NeedleNormals& needles, const EdgeSet& given, bool has_contacts,
                         double least_extent);
 

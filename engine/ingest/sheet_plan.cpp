@@ -1,6 +1,7 @@
 #include "engine/ingest/sheet_plan.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <set>
@@ -13,12 +14,8 @@ namespace {
 class SpeckMerger {
  public:
   SpeckMerger(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
-              double least_area)
-      : parts_(parts.begin(), parts.end()),
-        beside_(parts.size()),
-        parents_(parts.size()),
-        least_area_(least_area) {
-    std::iota(parents_.begin(), parents_.end(), std::uint32_t{0});
+              const SheetLaw& law)
+      : parts_(parts.begin(), parts.end()), beside_(parts.size()), law_(law) {
     for (const auto& [a, b, length] : borders) {
       if (a == b) continue;
       beside_[a][b].add(length);
@@ -34,24 +31,53 @@ class SpeckMerger {
       const std::uint32_t speck = std::get<2>(small_.extract(small_.begin()).value());
       if (beside_[speck].empty()) continue;
       ++num_specks;
-      unite(speck, neighbor_of(speck));
+      const std::uint32_t with = neighbor_of(speck);
+      if (is_strip(speck)) {
+        has_strips_ = true;
+        wholes_.join(speck, with);
+      }
+      unite(speck, with);
     }
     return num_specks;
   }
 
-  std::uint32_t root_of(std::uint32_t part) {
-    while (parents_[part] != part) part = parents_[part] = parents_[parents_[part]];
-    return part;
-  }
+  std::uint32_t root_of(std::uint32_t part) { return sheets_.root_of(part); }
+  bool has_strips() const { return has_strips_; }
+  std::uint32_t whole_of(std::uint32_t part) { return wholes_.root_of(part); }
   const SheetPart& part(std::uint32_t root) const { return parts_[root]; }
 
  private:
+  // Each part has a way to the root of what it has become one with.
+  class Forest {
+   public:
+    explicit Forest(std::size_t num) : parents_(num) {
+      std::iota(parents_.begin(), parents_.end(), std::uint32_t{0});
+    }
+    std::uint32_t root_of(std::uint32_t part) {
+      while (parents_[part] != part) part = parents_[part] = parents_[parents_[part]];
+      return part;
+    }
+    // The root is that of the latter.
+    void join(std::uint32_t part, std::uint32_t with) { parents_[root_of(part)] = root_of(with); }
+
+   private:
+    std::vector<std::uint32_t> parents_;
+  };
+
   using Small = std::tuple<double, std::uint64_t, std::uint32_t>;  // area, first triangle, part
   Small small(std::uint32_t part) const {
     return {parts_[part].area.value(), parts_[part].first_triangle, part};
   }
   void add_if_small(std::uint32_t part) {
-    if (parts_[part].area.value() < least_area_) small_.insert(small(part));
+    if (parts_[part].area.value() < law_.least_area || is_strip(part)) small_.insert(small(part));
+  }
+  bool is_strip(std::uint32_t part) const {
+    constexpr double kMostTurn = 0.5;  // over the border
+    if (!(law_.least_width > 0) || parts_[part].num_points == 0) return false;
+    CompensatedSum border;
+    for (const auto& [other, length] : beside_[part]) border.add(length);
+    return 2 * parts_[part].area.value() < law_.least_width * border.value() &&
+           std::abs(parts_[part].turn.value()) < kMostTurn * border.value();
   }
 
   std::uint32_t neighbor_of(std::uint32_t speck) const {
@@ -67,7 +93,7 @@ class SpeckMerger {
   void unite(std::uint32_t speck, std::uint32_t with) {
     small_.erase(small(with));
     parts_[with].add(parts_[speck], false);
-    parents_[speck] = with;
+    sheets_.join(speck, with);
     for (const auto& [other, length] : std::exchange(beside_[speck], {})) {
       beside_[other].erase(speck);
       if (other == with) continue;
@@ -79,9 +105,11 @@ class SpeckMerger {
 
   std::vector<SheetPart> parts_;
   std::vector<std::map<std::uint32_t, CompensatedSum>> beside_;  // lengths of borders
-  std::vector<std::uint32_t> parents_;                           // a forest; roots are sheets
+  Forest sheets_{parts_.size()};
+  Forest wholes_{parts_.size()};  // see SheetPlan::whole_of_part
+  bool has_strips_ = false;
   std::set<Small> small_;
-  double least_area_;
+  SheetLaw law_;
 };
 
 // Names that are all different: where one is taken, by that of a group, an underscore is added.
@@ -118,9 +146,9 @@ void name_sheets(std::span<const SheetId> group_of, std::span<const std::string>
 }  // namespace
 
 SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
-                      std::span<const std::string> groups, double least_area,
+                      std::span<const std::string> groups, const SheetLaw& law,
                       std::span<const std::array<BodyId, 2>> bodies_of_group, std::size_t most) {
-  SpeckMerger merger(parts, borders, least_area);
+  SpeckMerger merger(parts, borders, law);
   SheetPlan plan;
   plan.num_specks = merger.run();
   std::vector<std::uint32_t> roots;
@@ -142,6 +170,8 @@ SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBor
   }
   for (std::uint32_t part = 0; part < parts.size(); ++part)
     plan.of_part.push_back(number[merger.root_of(part)]);
+  for (std::uint32_t part = 0; merger.has_strips() && part < parts.size(); ++part)
+    plan.whole_of_part.push_back(merger.whole_of(part));
   name_sheets(group_of, groups, plan.sheets);
   return plan;
 }

@@ -21,15 +21,37 @@ namespace locvol {
 inline constexpr double kLeastSheetArea = 0.5;
 inline constexpr std::size_t kMaxSheets = 10'000;
 
+// A strip is narrower than this, over the spacing floor, ends in a point, and is a step: the
+// surface turns one way where it begins, and the other way where it ends. Towards the point its two
+// creases are too close to each other to be kept. Those of a wall are not, for mirrors part its
+// sides.
+inline constexpr double kLeastSheetWidth = 3;
+inline constexpr double kPointedAngle = 15;  // degrees: what is more acute is a point
+
+struct SheetLaw {
+  // Degrees; 0: if no edges are given, sheets are the named groups, whatever hangs together.
+  double sharp_angle = 0;
+  double least_area = 0;   // of sheets
+  double least_width = 0;  // of sheets with points: twice the area over the length of the border
+};
+
 // Triangles of one group that hang together by edges which are not sharp, or some of them.
 struct SheetPart {
   std::uint64_t first_triangle = std::numeric_limits<std::uint64_t>::max();
   SheetId group = 1;
   CompensatedSum area;
+  std::uint64_t num_points = 0;  // see kPointedAngle
+  // The length of its border where the surface turns to the side that it faces, less that where it
+  // turns away.
+  CompensatedSum turn;
 
-  void add(const SheetPart& other, bool /*is_turned*/) {
+  void add(const SheetPart& other, bool is_turned) {
     if (other.first_triangle < first_triangle) first_triangle = other.first_triangle;
     area.add(other.area);
+    num_points += other.num_points;
+    CompensatedSum its_turn = other.turn;
+    if (is_turned) its_turn.negate();
+    turn.add(its_turn);
   }
 };
 
@@ -42,17 +64,30 @@ struct SheetBorder {
 struct SheetPlan {
   std::vector<SheetId> of_part;    // from 1 on, in the order of their first triangles
   std::vector<SheetFacts> sheets;  // with names and first triangles; no more is known
-  std::uint64_t num_specks = 0;    // parts that were too small
+  std::uint64_t num_specks = 0;    // parts that were too small, and strips
+  // By part, a number that strips have in common with what they have become one with. Empty: there
+  // are no strips.
+  std::vector<std::uint32_t> whole_of_part;
   std::uint64_t num_too_many = 0;  // sheets; 0: not more than the most, else none is here
 };
 
-// Parts smaller than `least_area`, the smallest first, become one with the part of their group with
-// which they share the longest border. `groups`: names, by SheetPart::group. A sheet is called as
-// its group; of several in a group, NAME_1 and so on; without a group's name, by its own number.
-// Borders may be listed several times, and join parts that are one.
-// `bodies_of_group`: on the sides of each group; empty: the only one is behind all. `most`: sheets.
+// What a triangle is of.
+struct SheetPiece {
+  std::uint32_t part = 0, whole = 0;  // see SheetPlan::whole_of_part
+  // Is the edge between them one of a strip and of what it is one with? Then it is no crease.
+  bool is_beside_strip(const SheetPiece& other) const {
+    return part != other.part && whole == other.whole;
+  }
+};
+
+// Parts smaller than the law's least area, and those with a point that are narrower than its least
+// width, the smallest first, become one with the part of their group with which they share the
+// longest border. `groups`: names, by SheetPart::group. A sheet is called as its group; of several
+// in a group, NAME_1 and so on; without a group's name, by its own number. Borders may be listed
+// several times, and join parts that are one. `bodies_of_group`: on the sides of each group; empty:
+// the only one is behind all. `most`: sheets.
 SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
-                      std::span<const std::string> groups, double least_area,
+                      std::span<const std::string> groups, const SheetLaw& law,
                       std::span<const std::array<BodyId, 2>> bodies_of_group = {},
                       std::size_t most = kMaxSheets);
 

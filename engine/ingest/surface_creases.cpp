@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <numeric>
 #include <span>
+#include <tuple>
 #include <type_traits>
 #include <utility>
 
@@ -73,11 +74,14 @@ CreasePieces find_edges(const CheckedSurface& surface, const CreaseLaw& law, Ing
   std::size_t bucket = 0;
   for_each_in_order(
       workers, surface.buckets.all(),
-      [&](const TriangleBucket& b) { return std::pair(surface.load(b), surface.given_in(b)); },
-      [&](const TriangleBucket& b, std::pair<std::vector<Triangle>, EdgeSet> loaded) {
+      [&](const TriangleBucket& b) {
+        return std::tuple(surface.load(b), surface.pieces_of(b), surface.given_in(b));
+      },
+      [&](const TriangleBucket& b, auto loaded) {
         throw_if_stopped(watch.stop());
-        return edges_of_cell(std::move(loaded.first), b.cell, surface.buckets, angle, needles,
-                             loaded.second, surface.has_contacts, law.least_extent);
+        auto& [triangles, pieces, given] = loaded;
+        return edges_of_cell(std::move(triangles), pieces, b.cell, surface.buckets, angle, needles,
+                             given, surface.has_contacts, law.least_extent);
       },
       [&](const TriangleBucket& b, CellParts& cell) {
         collector.add(cell);

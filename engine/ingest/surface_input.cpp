@@ -923,6 +923,15 @@ std::vector<Triangle> CheckedSurface::load(const TriangleBucket& bucket) const {
   return triangles;
 }
 
+// What is of parts has neither copies nor labels.
+std::vector<SheetPiece> CheckedSurface::pieces_of(const TriangleBucket& bucket) const {
+  std::vector<SheetPiece> found;
+  if (pieces.empty()) return found;
+  for (const Triangle& triangle : spill.load(bucket.triangles))
+    found.push_back(pieces[triangle.sheet]);
+  return found;
+}
+
 CheckedSurface check_surface(RawSurface raw, const Frame& frame, IngestWatch& watch,
                              Workers& workers, std::uint64_t bucket_capacity,
                              const IngestShare& share, const std::optional<double>& weld,

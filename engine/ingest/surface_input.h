@@ -21,6 +21,7 @@
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/ingest_watch.h"
 #include "engine/ingest/sharp_edges.h"
+#include "engine/ingest/sheet_plan.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_ranges.h"
 #include "engine/ingest/surface_source.h"
@@ -142,6 +143,8 @@ struct CheckedSurface {
 
   // The triangles that meet the bucket's box, in order of id.
   std::vector<Triangle> load(const TriangleBucket& bucket) const;
+  // What these triangles are of, one by one. Empty: there are no strips.
+  std::vector<SheetPiece> pieces_of(const TriangleBucket& bucket) const;
   std::size_t number_of(const TriangleBucket& bucket) const {
     return static_cast<std::size_t>(&bucket - buckets.all().data());
   }
@@ -164,7 +167,8 @@ struct CheckedSurface {
   TriangleBuckets buckets;
   // By what the buckets' triangles carry, the sheets that load() gives them. Empty: their groups.
   std::vector<SheetId> sheets;
-  GivenEdges given;           // that are sharp, whatever their angle
+  std::vector<SheetPiece> pieces;  // likewise, if there are strips
+  GivenEdges given;                // that are sharp, whatever their angle
   bool has_copies = false;    // the buckets hold triangles more than once, which load() leaves out
   bool has_contacts = false;  // bodies have triangles, edges or vertices in common
   GivenBodies given_bodies;   // see RawSurface; by groups before number_bodies()

@@ -3,12 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
 #include "engine/ingest/sharp_edges.h"
-#include "engine/ingest/sheet_plan.h"
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
@@ -20,6 +21,7 @@ namespace {
 struct SharedBySheets {
   std::uint64_t id = 0;
   std::uint32_t part = 0;  // of the cell
+  bool is_turned = false;  // against the part's orientation
   bool is_last = false;    // no later cell has it
 };
 
@@ -54,11 +56,15 @@ class SheetsOfCell {
     const Components components = find_components(soup_.triangles, mates_);
     found_.parts.resize(components.count);
     for (std::uint32_t t = 0; t < found_.triangles.size(); ++t)
-      take(components.of_triangle[t], found_.triangles[t]);
+      take(components.of_triangle[t], components.is_turned[t], found_.triangles[t]);
+    find_points(components);
     std::map<std::pair<std::uint32_t, std::uint32_t>, CompensatedSum> lengths;
     for (const auto& [h, g] : parted_) {
       const auto parts = std::minmax(components.of_triangle[h / 3], components.of_triangle[g / 3]);
       if (parts.first == parts.second) continue;
+      for (const auto& [of, other] : {std::pair(h, g), std::pair(g, h)})
+        found_.parts[components.of_triangle[of / 3]].turn.add(
+            turn_across(of, other, components.is_turned[of / 3]));
       lengths[parts].add(
           norm(position(target(soup_.triangles, h)) - position(origin(soup_.triangles, h))));
     }
@@ -93,11 +99,43 @@ class SheetsOfCell {
                           position(target(soup_.triangles, h))))
         continue;
       mates_[h] = mates_[g] = kNoHalfEdge;
+      has_borders_ = true;
       if (has_one_group && is_ours(h)) parted_.emplace_back(h, g);
     }
   }
 
-  void take(std::uint32_t part, Triangle& triangle) {
+  // The edge's length, if the triangle beyond rises to the side that this one faces; else less it.
+  double turn_across(std::uint32_t h, std::uint32_t beyond, bool is_turned) const {
+    const Point &p = position(origin(soup_.triangles, h)),
+                &q = position(target(soup_.triangles, h)), &a = position(apex(soup_.triangles, h)),
+                &b = position(apex(soup_.triangles, beyond));
+    const bool rises = dot(cross(q - p, a - p), b - p) > 0;
+    return rises != is_turned ? norm(q - p) : -norm(q - p);
+  }
+
+  // By the sums of the triangles' angles where parts have a border.
+  void find_points(const Components& components) {
+    if (!has_borders_) return;
+    std::vector<bool> is_at_border(soup_.vertices.size());
+    for (std::uint32_t h = 0; h < mates_.size(); ++h)
+      if (mates_[h] == kNoHalfEdge)
+        for (const std::uint32_t v : {origin(soup_.triangles, h), target(soup_.triangles, h)})
+          is_at_border[v] = TriangleBuckets::owns(box_, position(v));
+    std::map<std::pair<std::uint32_t, std::uint32_t>, double> angles;  // of a part, at a vertex
+    for (std::uint32_t h = 0; h < mates_.size(); ++h) {
+      const std::uint32_t v = origin(soup_.triangles, h);
+      if (!is_at_border[v]) continue;
+      const Point one = position(target(soup_.triangles, h)) - position(v),
+                  other = position(apex(soup_.triangles, h)) - position(v);
+      angles[{components.of_triangle[h / 3], v}] +=
+          std::atan2(norm(cross(one, other)), dot(one, other));
+    }
+    constexpr double kPointed = kPointedAngle * std::numbers::pi / 180;
+    for (const auto& [at, angle] : angles)
+      if (angle < kPointed) ++found_.parts[at.first].num_points;
+  }
+
+  void take(std::uint32_t part, bool is_turned, Triangle& triangle) {
     SheetPart sum;
     sum.first_triangle = triangle.id;
     if (owns_triangle(box_, triangle)) {
@@ -107,7 +145,8 @@ class SheetsOfCell {
     found_.parts[part].group = std::exchange(triangle.sheet, part);
     found_.parts[part].add(sum, false);
     if (TriangleBuckets::reaches_out(box_, triangle))
-      found_.shared.push_back({triangle.id, part, buckets_.is_last_with(cell_, triangle)});
+      found_.shared.push_back(
+          {triangle.id, part, is_turned, buckets_.is_last_with(cell_, triangle)});
   }
 
   MortonKey cell_;
@@ -115,6 +154,7 @@ class SheetsOfCell {
   const TriangleBuckets& buckets_;
   TriangleSoup soup_;
   Mates mates_;  // but across edges that sheets end at
+  bool has_borders_ = false;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> parted_;
   CellSheets found_;
 };
@@ -122,6 +162,7 @@ class SheetsOfCell {
 // By what the buckets' triangles carry, the sheets; and what is known of these.
 struct Numbered {
   std::vector<SheetId> sheets;
+  std::vector<SheetPiece> pieces;  // if there are strips
   std::vector<SheetFacts> facts;
   std::uint64_t num_too_many = 0;
 };
@@ -135,9 +176,9 @@ Numbered sheets_of_groups(const CheckedSurface& surface) {
     parts[i].first_triangle = i;
     parts[i].group = static_cast<SheetId>(i + 1);
   }
-  SheetPlan plan = plan_sheets(parts, {}, groups, 0, surface.bodies_of_group, parts.size());
+  SheetPlan plan = plan_sheets(parts, {}, groups, {}, surface.bodies_of_group, parts.size());
   plan.of_part.insert(plan.of_part.begin(), 0);  // no triangle carries a 0
-  return {std::move(plan.of_part), std::move(plan.sheets), 0};
+  return {std::move(plan.of_part), {}, std::move(plan.sheets), 0};
 }
 
 // The buckets' triangles then carry the numbers of their parts.
@@ -167,8 +208,8 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
           if (i == 0) first = number;
           group_of.push_back(cell.parts[i].group);
         }
-        for (const auto& [id, part, is_last] : cell.shared)
-          joiner.join(id, first + part, false, is_last);
+        for (const auto& [id, part, is_turned, is_last] : cell.shared)
+          joiner.join(id, first + part, is_turned, is_last);
         for (const auto& [a, b, length] : cell.borders)
           pieces.borders.push_back({first + a, first + b, length});
         for (Triangle& triangle : cell.triangles) triangle.sheet += first;
@@ -187,17 +228,20 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
   std::iota(pieces.places.begin(), pieces.places.end(), std::uint32_t{0});
   share.join_sheets(pieces);
 
-  SheetPlan plan = plan_sheets(pieces.joined.components, pieces.borders, surface.groups,
-                               law.least_area, surface.bodies_of_group);
+  SheetPlan plan = plan_sheets(pieces.joined.components, pieces.borders, surface.groups, law,
+                               surface.bodies_of_group);
   if (plan.num_too_many > 0) {
     Numbered numbered = sheets_of_groups(surface);
     numbered.sheets = std::move(group_of);
     numbered.num_too_many = plan.num_too_many;
     return numbered;
   }
-  Numbered numbered{{}, std::move(plan.sheets), 0};
-  for (const std::uint32_t number : numbers)
-    numbered.sheets.push_back(plan.of_part[pieces.places[number]]);
+  Numbered numbered{{}, {}, std::move(plan.sheets), 0};
+  for (const std::uint32_t number : numbers) {
+    const std::uint32_t part = pieces.places[number];
+    numbered.sheets.push_back(plan.of_part[part]);
+    if (!plan.whole_of_part.empty()) numbered.pieces.push_back({part, plan.whole_of_part[part]});
+  }
   return numbered;
 }
 
@@ -267,8 +311,8 @@ SurfaceSheets number_sheets(CheckedSurface& surface, const SheetLaw& law, Ingest
   // Edges that are given are none, however many others there are.
   const bool is_edge_noise = is_angle_given && surface.sharp.num_edges > kMaxSharpEdges;
   const bool is_noise = (is_edge_noise && !has_given) || num_components > kMaxSheets;
-  const SheetLaw some{.sharp_angle = is_edge_noise ? 0 : law.sharp_angle,
-                      .least_area = law.least_area};
+  SheetLaw some = law;
+  if (is_edge_noise) some.sharp_angle = 0;
   Numbered numbered = (is_angle_given || has_given) && !is_noise
                           ? sheets_of_parts(surface, some, watch, workers, share)
                           : sheets_of_groups(surface);
@@ -281,6 +325,7 @@ SurfaceSheets number_sheets(CheckedSurface& surface, const SheetLaw& law, Ingest
   measure_sheets(surface, watch, share, numbered.facts);
   drop_empty(numbered);
   surface.sheets = std::move(numbered.sheets);
+  surface.pieces = std::move(numbered.pieces);
   for (SheetFacts& sheet : numbered.facts) {
     sheet.first_triangle = surface.number_in_file(sheet.first_triangle);
     if (const auto color = surface.colors.find(sheet.group); color != surface.colors.end())

@@ -7,17 +7,12 @@
 
 #include "engine/ingest/ingest_share.h"
 #include "engine/ingest/ingest_watch.h"
+#include "engine/ingest/sheet_plan.h"
 #include "engine/ingest/surface_input.h"
 #include "engine/shared/workers.h"
 #include "storage/records.h"
 
 namespace locvol {
-
-struct SheetLaw {
-  // Degrees; 0: if no edges are given, sheets are the named groups, whatever hangs together.
-  double sharp_angle = 0;
-  double least_area = 0;  // see plan_sheets()
-};
 
 // More sharp edges than this, and more components or sheets than kMaxSheets, are noise: then sheets
 // are the named groups, and a note says so.
@@ -25,7 +20,7 @@ inline constexpr std::uint64_t kMaxSharpEdges = 1'000'000;
 
 // From here on, load() gives triangles with their sheets. A surface that is one sheet and has no
 // name gives none; if nothing hints at others, it is not looked at.
-// Memory: 40 bytes a part of a sheet in a cell, 24 a border of two, and what a cell takes for each
+// Memory: 64 bytes a part of a sheet in a cell, 24 a border of two, and what a cell takes for each
 // thread. Throws std::system_error, Stopped.
 SurfaceSheets number_sheets(CheckedSurface& surface, const SheetLaw& law, IngestWatch& watch,
                             Workers& workers, const IngestShare& share);

@@ -65,9 +65,9 @@ auto fields(Maybe<SurfaceCorner> auto& corner) {
   return std::tuple(Field("name", name), Field("position", position));
 }
 auto fields(Maybe<SheetPart> auto& part) {
-  auto& [first_triangle, group, area] = part;
+  auto& [first_triangle, group, area, num_points, turn] = part;
   return std::tuple(Field("first_triangle", first_triangle), Field("group", group),
-                    Field("area", area));
+                    Field("area", area), Field("num_points", num_points), Field("turn", turn));
 }
 auto fields(Maybe<SheetBorder> auto& border) {
   auto& [a, b, length] = border;

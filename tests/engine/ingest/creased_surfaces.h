@@ -31,6 +31,7 @@ struct CreaseTrial {
   std::filesystem::path polylines = {};  // whose edges are sharp, too
   std::string digest = {};               // of these; empty: as they are
   WindingLaw winding = {};
+  double least_width = 0;
 };
 
 // Each cell has to have just the edges and corners that meet it.
@@ -52,8 +53,8 @@ inline Creased creases_in(const std::filesystem::path& file, const CreaseTrial& 
       trial.digest.empty() ? survey_polylines(trial.polylines) : trial.digest;
   find_given_edges(surface, {trial.polylines, digest}, watch, workers, IngestShare());
   Creased found;
-  found.sheets =
-      number_sheets(surface, {trial.sharp_angle, trial.least_area}, watch, workers, IngestShare());
+  found.sheets = number_sheets(surface, {trial.sharp_angle, trial.least_area, trial.least_width},
+                               watch, workers, IngestShare());
   const CreasesOfCells creases = find_creases(
       surface, {trial.sharp_angle, trial.least_extent, trial.least_distance, trial.most}, watch,
       workers, IngestShare(), found.sheets);

@@ -10,10 +10,12 @@
 #include <numbers>
 #include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "engine/engine.h"
+#include "engine/shared/compensated_sum.h"
 #include "tests/engine/ingest/creased_surfaces.h"
 #include "tests/engine/ingest/random_surfaces.h"
 #include "tests/engine/ingest/surface_fixtures.h"
@@ -300,6 +302,61 @@ TEST(SurfaceCreases, AreNotAtWideHolesWithBentRims) {
   };
   EXPECT_DOUBLE_EQ(length_without(1), 4 * (3 + 2 + 1));
   EXPECT_DOUBLE_EQ(length_without(2), 3 + 2 * 2 + 2 * 1);
+}
+
+// A block of two terraces. The riser between them has a height of `rise` at one end, and of `least`
+// at the other, 4 away: at 0 it is a point.
+Polygons terraces(double least, double rise) {
+  Polygons block;
+  for (const auto& [z, its] : {std::pair(0.0, least), std::pair(4.0, rise)})
+    for (const Point& p :
+         {Point{0, 0, z}, {3, 0, z}, {3, 1, z}, {1.5, 1, z}, {1.5, 1 + its, z}, {0, 1 + its, z}})
+      block.vertices.push_back(p);
+  block.faces = {{5, 4, 3, 2, 1, 0}, {6, 7, 8, 9, 10, 11}};
+  for (std::uint32_t k = 0; k < 6; ++k) {
+    const std::uint32_t next = (k + 1) % 6;
+    block.faces.push_back({k, next, next + 6, k + 6});
+  }
+  return block;
+}
+
+// Where a strip ends in a point; else both of its creases can be kept.
+TEST(SurfaceCreases, AreNotOnBothSidesOfAStripThatEndsInAPoint) {
+  const SurfaceFiles files;
+  constexpr double kRise = 0.02;
+  for (const std::uint64_t capacity : {kBucketCapacity, std::uint64_t{4}}) {
+    const auto creases = [&](double least, double least_width) {
+      const Creased found = creases_in(files.write("block.off", to_off(terraces(least, kRise))),
+                                       {.bucket_capacity = capacity, .least_width = least_width});
+      CompensatedSum length;
+      for (const CreaseFacts& crease : found.sheets.creases) length.add(crease.length);
+      EXPECT_EQ(found.sheets.creases.size(),
+                found.sheets.sheets.size() == 8 ? 17U + (least > 0) : 16U);
+      return std::pair(found.sheets.sheets.size(), length.value());
+    };
+    const double slant = std::hypot(4, kRise), width = 4 * kRise / (4 + slant + kRise);
+    const double length = 4 * 4 + 2 * slant + 2 * (3 + 1) + (3 + 1) + (3 + 1 + 2 * kRise);
+    const auto [num, all] = creases(0, 0.99 * width);
+    EXPECT_EQ(num, 8U);
+    EXPECT_NEAR(all, length, 1e-12);
+    const auto [num_left, kept] = creases(0, 1.01 * width);
+    EXPECT_EQ(num_left, 7U);
+    EXPECT_NEAR(kept, length - slant, 1e-12);
+    const auto [num_of_both, both] = creases(kRise, 2 * kRise);
+    EXPECT_EQ(num_of_both, 8U);
+    EXPECT_NEAR(both, 6 * 4 + 2 * (2 * 3 + 2 * (1 + kRise)), 1e-12);
+  }
+}
+
+// The sides of a slender wedge are as narrow, and pointed; but the surface turns away all around.
+TEST(SurfaceCreases, AreOnBothSidesOfASlenderWedge) {
+  const SurfaceFiles files;
+  Polygons wedge;
+  wedge.vertices = {{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}, {4, 0, 0.02}, {4, 3, 0.02}};
+  wedge.faces = {{3, 2, 1, 0}, {0, 1, 4}, {3, 5, 2}, {1, 2, 5, 4}, {0, 4, 5, 3}};
+  const Creased found = creases_in(files.write("wedge.off", to_off(wedge)), {.least_width = 0.1});
+  EXPECT_EQ(found.sheets.sheets.size(), 5U);
+  EXPECT_EQ(found.sheets.creases.size(), 9U);
 }
 
 TEST(SurfaceCreases, TooManyAreNone) {

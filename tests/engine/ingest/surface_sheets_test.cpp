@@ -26,7 +26,7 @@ struct Sheeted {
 };
 
 struct SheetTrial {
-  double sharp_angle = 40, least_area = 0;
+  double sharp_angle = 40, least_area = 0, least_width = 0;
   std::uint64_t bucket_capacity = kBucketCapacity;
   int num_threads = 1;
 };
@@ -40,9 +40,12 @@ Sheeted sheets_in(const std::filesystem::path& file, const SheetTrial& trial = {
       check_surface(std::move(raw), frame, watch, workers, trial.bucket_capacity, IngestShare(),
                     std::nullopt, trial.sharp_angle);
   Sheeted found;
-  found.sheets =
-      number_sheets(surface, {trial.sharp_angle, trial.least_area}, watch, workers, IngestShare())
-          .sheets;
+  found.sheets = number_sheets(surface,
+                               {.sharp_angle = trial.sharp_angle,
+                                .least_area = trial.least_area,
+                                .least_width = trial.least_width},
+                               watch, workers, IngestShare())
+                     .sheets;
   std::map<std::uint64_t, Triangle> triangles;
   for (const TriangleBucket& bucket : surface.buckets.all())
     for (const Triangle& t : surface.load(bucket)) {
@@ -253,22 +256,23 @@ TEST(SheetPlan, SpecksBecomeOneWithTheLongestBorder) {
   const std::vector<SheetBorder> borders = {border(0, 1, 1),   border(1, 2, 0.3), border(1, 3, 0.6),
                                             border(1, 3, 0.6), border(0, 2, 0.5), border(2, 3, 0.4),
                                             border(3, 3, 9)};
-  const SheetPlan plan = plan_sheets(parts, borders, groups, 0.5);
+  const SheetPlan plan = plan_sheets(parts, borders, groups, {.least_area = 0.5});
   // The first speck goes to part 3, which then has 0.7 of a border with the other one.
   EXPECT_EQ(plan.of_part, (std::vector<SheetId>{3, 1, 1, 1, 2}));
   EXPECT_EQ(plan.num_specks, 2U);
   EXPECT_EQ(plan.sheets[1].name, "wall");
-  EXPECT_EQ(plan_sheets(parts, borders, groups, 0).sheets.size(), 5U);
+  EXPECT_EQ(plan_sheets(parts, borders, groups, {}).sheets.size(), 5U);
+  EXPECT_TRUE(plan.whole_of_part.empty());
 }
 
 TEST(SheetPlan, SaysWhenThereAreTooMany) {
   std::vector<SheetPart> parts;
   for (std::uint64_t i = 0; i <= kMaxSheets; ++i) parts.push_back(part(i, 1));
-  const SheetPlan plan = plan_sheets(parts, {}, std::vector<std::string>{""}, 0);
+  const SheetPlan plan = plan_sheets(parts, {}, std::vector<std::string>{""}, {});
   EXPECT_EQ(plan.num_too_many, kMaxSheets + 1);
   EXPECT_TRUE(plan.sheets.empty());
   const std::vector<std::string> groups = {""};
-  EXPECT_EQ(plan_sheets(parts, {}, groups, 0, {}, parts.size()).sheets.size(), kMaxSheets + 1);
+  EXPECT_EQ(plan_sheets(parts, {}, groups, {}, {}, parts.size()).sheets.size(), kMaxSheets + 1);
 }
 
 TEST(SurfaceSheets, TooManyAreNone) {
