@@ -379,12 +379,9 @@ Store ingest(RawSurface raw, RunRecord run, const IngestCalls& calls, IngestWatc
     find_given_edges(surface, {run.sharp_file, run.parameters.sharp_polylines, run.parameters.weld},
                      watch, workers, share);
     const double size = run.parameters.size;
-    SurfaceSheets sheets =
-        number_sheets(surface,
-                      {.sharp_angle = run.parameters.sharp_angle,
-                       .least_area = kLeastSheetArea * size * size,
-                       .least_width = kLeastSheetWidth * run.parameters.spacing_floor * size},
-                      watch, workers, share);
+    SurfaceSheets sheets = number_sheets(
+        surface, SheetLaw::of_size(size, run.parameters.sharp_angle, run.parameters.spacing_floor),
+        watch, workers, share);
     sheets.bodies = std::move(bodies);
     sheets.nearest = nearest_sheets(surface, run.parameters.sheet_sizes, watch, share);
     require_sized_parts(run.parameters, sheets);

@@ -8,6 +8,8 @@
 #include <tuple>
 #include <utility>
 
+#include "octree/disjoint_sets.h"
+
 namespace locvol {
 namespace {
 
@@ -15,7 +17,12 @@ class SpeckMerger {
  public:
   SpeckMerger(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
               const SheetLaw& law)
-      : parts_(parts.begin(), parts.end()), beside_(parts.size()), law_(law) {
+      : parts_(parts.begin(), parts.end()),
+        beside_(parts.size()),
+        parents_(parts.size()),
+        wholes_(parts.size()),
+        law_(law) {
+    std::iota(parents_.begin(), parents_.end(), std::uint32_t{0});
     for (const auto& [a, b, length] : borders) {
       if (a == b) continue;
       beside_[a][b].add(length);
@@ -34,36 +41,24 @@ class SpeckMerger {
       const std::uint32_t with = neighbor_of(speck);
       if (is_strip(speck)) {
         has_strips_ = true;
-        wholes_.join(speck, with);
+        wholes_.unite(speck, with);
       }
       unite(speck, with);
     }
     return num_specks;
   }
 
-  std::uint32_t root_of(std::uint32_t part) { return sheets_.root_of(part); }
+  std::uint32_t root_of(std::uint32_t part) {
+    while (parents_[part] != part) part = parents_[part] = parents_[parents_[part]];
+    return part;
+  }
   bool has_strips() const { return has_strips_; }
-  std::uint32_t whole_of(std::uint32_t part) { return wholes_.root_of(part); }
+  std::uint32_t whole_of(std::uint32_t part) {
+    return static_cast<std::uint32_t>(wholes_.find(part));
+  }
   const SheetPart& part(std::uint32_t root) const { return parts_[root]; }
 
  private:
-  // Each part has a way to the root of what it has become one with.
-  class Forest {
-   public:
-    explicit Forest(std::size_t num) : parents_(num) {
-      std::iota(parents_.begin(), parents_.end(), std::uint32_t{0});
-    }
-    std::uint32_t root_of(std::uint32_t part) {
-      while (parents_[part] != part) part = parents_[part] = parents_[parents_[part]];
-      return part;
-    }
-    // The root is that of the latter.
-    void join(std::uint32_t part, std::uint32_t with) { parents_[root_of(part)] = root_of(with); }
-
-   private:
-    std::vector<std::uint32_t> parents_;
-  };
-
   using Small = std::tuple<double, std::uint64_t, std::uint32_t>;  // area, first triangle, part
   Small small(std::uint32_t part) const {
     return {parts_[part].area.value(), parts_[part].first_triangle, part};
@@ -93,7 +88,7 @@ class SpeckMerger {
   void unite(std::uint32_t speck, std::uint32_t with) {
     small_.erase(small(with));
     parts_[with].add(parts_[speck], false);
-    sheets_.join(speck, with);
+    parents_[speck] = with;
     for (const auto& [other, length] : std::exchange(beside_[speck], {})) {
       beside_[other].erase(speck);
       if (other == with) continue;
@@ -105,8 +100,8 @@ class SpeckMerger {
 
   std::vector<SheetPart> parts_;
   std::vector<std::map<std::uint32_t, CompensatedSum>> beside_;  // lengths of borders
-  Forest sheets_{parts_.size()};
-  Forest wholes_{parts_.size()};  // see SheetPlan::whole_of_part
+  std::vector<std::uint32_t> parents_;                           // a forest; roots are sheets
+  DisjointSets wholes_;                                          // see SheetPlan::whole_of_part
   bool has_strips_ = false;
   std::set<Small> small_;
   SheetLaw law_;

@@ -33,6 +33,13 @@ struct SheetLaw {
   double sharp_angle = 0;
   double least_area = 0;   // of sheets
   double least_width = 0;  // of sheets with points: twice the area over the length of the border
+
+  // Of a run. `spacing_floor`: over λ
+  static SheetLaw of_size(double size, double sharp_angle, double spacing_floor) {
+    return {.sharp_angle = sharp_angle,
+            .least_area = kLeastSheetArea * size * size,
+            .least_width = kLeastSheetWidth * spacing_floor * size};
+  }
 };
 
 // Triangles of one group that hang together by edges which are not sharp, or some of them.

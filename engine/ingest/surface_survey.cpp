@@ -58,12 +58,9 @@ SurveyedSurface survey_surface(const SurfaceSource& given, const std::filesystem
   if (law.has_sheets) {
     const double size =
         law.size ? absolute_size(*law.size, surface.facts.box) : survey.default_size();
-    survey.sheets =
-        number_sheets(surface,
-                      {.sharp_angle = law.sharp_angle,
-                       .least_area = kLeastSheetArea * size * size,
-                       .least_width = kLeastSheetWidth * MeshOptions{}.spacing_floor * size},
-                      watch, workers, IngestShare());
+    survey.sheets = number_sheets(
+        surface, SheetLaw::of_size(size, law.sharp_angle, MeshOptions{}.spacing_floor), watch,
+        workers, IngestShare());
     survey.sheets.bodies = std::move(bodies);
   }
   survey.facts = std::move(surface.facts);

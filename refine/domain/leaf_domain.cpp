@@ -476,12 +476,16 @@ void LeafDomain::crossings(const Point& a, const Point& b, std::vector<Crossing>
 bool LeafDomain::is_crossed(const Point& a, const Point& b) const {
   const Box segment = Box::around(a).joined(b);
   if (!segment.overlaps(impl_->region)) return false;
+  Impl::Recent missed;
   bool is_met = false;
+  const auto is_met_by = [&](Impl::Index t) {
+    if (!impl_->boxes[t].overlaps(segment) || missed.holds(t)) return false;
+    if (segment_crosses(a, b, impl_->triangles[t])) return true;
+    missed.add(t);
+    return false;
+  };
   impl_->for_each_cell_along(a, b, [&](std::size_t cell) {
-    is_met =
-        is_met || std::ranges::any_of(impl_->held_by(cell), [&](Impl::Index t) {
-          return impl_->boxes[t].overlaps(segment) && segment_crosses(a, b, impl_->triangles[t]);
-        });
+    is_met = is_met || std::ranges::any_of(impl_->held_by(cell), is_met_by);
   });
   return is_met;
 }

@@ -26,7 +26,7 @@ struct Sheeted {
 };
 
 struct SheetTrial {
-  double sharp_angle = 40, least_area = 0, least_width = 0;
+  double sharp_angle = 40, least_area = 0;
   std::uint64_t bucket_capacity = kBucketCapacity;
   int num_threads = 1;
 };
@@ -40,12 +40,9 @@ Sheeted sheets_in(const std::filesystem::path& file, const SheetTrial& trial = {
       check_surface(std::move(raw), frame, watch, workers, trial.bucket_capacity, IngestShare(),
                     std::nullopt, trial.sharp_angle);
   Sheeted found;
-  found.sheets = number_sheets(surface,
-                               {.sharp_angle = trial.sharp_angle,
-                                .least_area = trial.least_area,
-                                .least_width = trial.least_width},
-                               watch, workers, IngestShare())
-                     .sheets;
+  found.sheets =
+      number_sheets(surface, {trial.sharp_angle, trial.least_area}, watch, workers, IngestShare())
+          .sheets;
   std::map<std::uint64_t, Triangle> triangles;
   for (const TriangleBucket& bucket : surface.buckets.all())
     for (const Triangle& t : surface.load(bucket)) {
