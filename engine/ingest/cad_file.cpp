@@ -208,6 +208,7 @@ void CadFile::parse(const CadCut& cut, SurfaceSink& sink, const StopToken* stop)
   if (facts_.num_faces > SurfaceGroups::kMaxGroups)
     sink.note(fmt::format("has {} faces, more than {}: those without a name get none",
                           facts_.num_faces, SurfaceGroups::kMaxGroups));
+  sink.precision(facts_.precision);
   process_->ask(cut.law.deflection > 0 ? cut.law : usual_law(facts_));
   FacesTaken taken(sink, bytes_->path().string(), cut, facts_);
   while (taken.take(next(stop))) {

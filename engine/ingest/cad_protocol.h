@@ -35,6 +35,7 @@ enum class CadRecord : std::uint8_t {
 struct CadFacts {
   std::array<double, 3> min = {}, max = {};  // of the box around its bodies
   std::uint64_t num_bodies = 0, num_faces = 0;
+  double precision = 0;            // points that are closer are one
   std::array<char, 32> unit = {};  // "mm", "inch", …, and zeros; empty: the format has none
 };
 
@@ -52,7 +53,7 @@ using CadTriangle = std::array<double, 9>;
 
 inline constexpr int kCadOutput = 3;             // a descriptor of the program
 inline constexpr int kCadInput = 4;              // that of the file, where it has no path
-inline constexpr const char* kCadVersion = "1";  // its third argument: both are of one build
+inline constexpr const char* kCadVersion = "2";  // its third argument: both are of one build
 inline constexpr const char* kCadProgram = "locvol-cad";
 
 }  // namespace locvol

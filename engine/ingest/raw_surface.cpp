@@ -124,6 +124,9 @@ class RawSurfaceBuilder : public SurfaceSink {
   }
 
   void note(const std::string& text) override { surface_.notes.push_back(text); }
+  void precision(double length) override {
+    surface_.precision = std::max(surface_.precision, length);
+  }
   void body(std::string_view name, std::string_view file) override;
   void group(std::string_view name) override { groups_.begin(name); }
   void color(const Color& color) override {

@@ -470,9 +470,9 @@ class SurfacePreparation {
   // What rounding alone parts, of bodies, is made the same: cut along each other it would be dust.
   void join_near_bodies() {
     if (given_.empty() || !has_area()) return;
-    if (gap_ == 0) step_ = coordinate_step();
-    if (step_ > 0) share_.require_whole();
-    const bool is_joined = step_ > 0 && bring_together(kRoundedSteps * step_, Nearness::kStep);
+    if (gap_ == 0) precision_ = std::max(kRoundedSteps * coordinate_step(), raw_.precision);
+    if (precision_ > 0) share_.require_whole();
+    const bool is_joined = precision_ > 0 && bring_together(precision_, Nearness::kPrecision);
     const double near = kNear * std::max(max_norm(raw_.box.min), max_norm(raw_.box.max));
     if (bring_together(near, Nearness::kArithmetic) || is_joined) return check_again();
     for (TriangleList& list : raw_.triangles) raw_.spill.release(std::move(list));
@@ -493,8 +493,8 @@ class SurfacePreparation {
   }
 
   // What bodies may be parted by: what was computed in several ways, coordinates that were rounded
-  // when they were written, or a gap that the user does not mean.
-  enum class Nearness { kArithmetic, kStep, kGap };
+  // when they were written or are meant no more precisely, or a gap that the user does not mean.
+  enum class Nearness { kArithmetic, kPrecision, kGap };
 
   // Until nothing of two bodies is nearer than the distance, but is the same. Returns whether
   // something has changed.
@@ -726,8 +726,8 @@ class SurfacePreparation {
       notes_.push_back(fmt::format(
           "brought bodies together that were nearer than {} ({}): {} became one with those of "
           "others, and {} took their vertices, up to {} away",
-          gap_ > 0 ? decimal(gap_) : rounded(kRoundedSteps * step_),
-          gap_ > 0 ? "--gap" : "to which coordinates are rounded",
+          gap_ > 0 ? decimal(gap_) : rounded(precision_),
+          gap_ > 0 ? "--gap" : "which is how precise coordinates are",
           counted(num_joined_bodies_, "point", "points"),
           counted(num_brought_, "triangle", "triangles"), rounded(widest_gap_)));
     note_winding();
@@ -882,7 +882,7 @@ class SurfacePreparation {
   std::string tried_;                    // to close it
   std::map<MeetingBodies, Meeting> meetings_;
   std::uint64_t num_copies_ = 0;  // that were dropped before bodies were cut
-  double step_ = 0;               // of coordinates
+  double precision_ = 0;          // of coordinates, where bodies touch
   // Where bodies were nearer than gap_, or than coordinates tell: triangles that took vertices,
   // points that became others, and how far these were away.
   std::uint64_t num_brought_ = 0, num_joined_bodies_ = 0;

@@ -94,6 +94,7 @@ struct RawSurface {
   std::vector<WallProbe> probes;             // of all triangles
   std::vector<SurfaceFile> files;            // where there are several
   std::vector<std::uint32_t> file_of_group;  // by group
+  double precision = 0;                      // see SurfaceSink
   bool has_several_bodies = false;           // is that asked for? Then sides are no material's
   bool has_pieces = false;                   // see CheckedSurface
 

@@ -29,6 +29,8 @@ class SurfaceSink {
   virtual void announce(std::uint64_t /*num_faces*/) {}
   // What the user is to know of a file that is odd, and is read all the same.
   virtual void note(const std::string& /*text*/) {}
+  // Points of two bodies that are closer to each other are meant to be one.
+  virtual void precision(double /*length*/) {}
   // What comes from here on is another body, of that file: its vertices are numbered from 0 on.
   virtual void body(std::string_view /*name*/, std::string_view /*file*/) {}
   // Polygons and facets belong to the group of this name, as the file has it, until the next call.

@@ -963,7 +963,7 @@ TEST_F(Bodies, OfRoundedCoordinatesTouch) {
     EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
     EXPECT_EQ(contents.sheets.sheets.size(), 12U);  // one of them between the two
     const std::string notes = fmt::format("{}", fmt::join(contents.run.surface.notes, "; "));
-    EXPECT_NE(notes.find("to which coordinates are rounded"), notes.npos) << notes;
+    EXPECT_NE(notes.find("which is how precise coordinates are"), notes.npos) << notes;
     const AuditReport report = audit(Store::open(dir_ / run, {.read_only = true}));
     EXPECT_TRUE(report.is_valid());
     ASSERT_EQ(report.body_volumes.size(), 2U);

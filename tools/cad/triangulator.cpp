@@ -264,6 +264,7 @@ CadFacts facts_of(const ShapeFile& file) {
   };
   facts.min = coordinates(min);
   facts.max = coordinates(max);
+  facts.precision = Precision::Confusion() / file.unit_mm;
   file.unit.copy(facts.unit.data(), facts.unit.size() - 1);
   return facts;
 }

@@ -4,12 +4,15 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <BRepBuilderAPI_Transform.hxx>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <gp_Trsf.hxx>
+#include <gp_Vec.hxx>
 #include <map>
 #include <random>
 #include <set>
@@ -128,6 +131,31 @@ INSTANTIATE_TEST_SUITE_P(OfOpenCascade, CadShapes,
                                          "fillet_10", "fillet_30", "fillet_100", "contact",
                                          "assembly"),
                          [](const auto& name) { return std::string(name.param); });
+
+// CAD programs know places to 10^-7 mm: solids that touch may be so far apart in the file, or
+// overlap so much.
+TEST_F(Cad, SolidsThatTouchAsPreciselyAsCadFilesAreTouch) {
+  for (const char* unit : {"MM", "INCH"})
+    for (const double off : {6e-8, -6e-8}) {
+      SCOPED_TRACE(std::string(unit) + (off > 0 ? " apart" : " overlapping"));
+      CadShape shape = cad_shape("contact");
+      const int num_faces = num_faces_of(shape.solids[0]) + num_faces_of(shape.solids[1]);
+      gp_Trsf move;
+      move.SetTranslation(gp_Vec(3e-8, 0, off));
+      shape.solids[1] = BRepBuilderAPI_Transform(shape.solids[1], move, true).Shape();
+      shape.name = std::string(unit) + (off > 0 ? "_apart" : "_overlapping");
+      const MeshOptions asked = options(step(shape, unit), Size::percent(4), shape.name);
+      const RunSummary run = meshed(asked);
+      EXPECT_EQ(run.run.counts.num_unresolved, 0U);
+      ASSERT_EQ(run.sheets.bodies.size(), 2U);
+      EXPECT_EQ(run.sheets.sheets.size(), static_cast<std::size_t>(num_faces));
+      EXPECT_TRUE(std::ranges::any_of(run.run.surface.notes, [](const std::string& note) {
+        return note.find("which is how precise coordinates are") != note.npos;
+      }));
+      const AuditReport report = audit(Store::open(asked.store, {.read_only = true}));
+      EXPECT_TRUE(report.is_valid()) << described(report);
+    }
+}
 
 // ---- Names, colors, units
 
