@@ -48,9 +48,9 @@ void settle_faces(const SurfaceSource& source, MeshOptions& options, std::uint64
   for (SizedPart& sheet : options.sheets) take(sheet.size);
   for (SizedPart& body : options.bodies) take(body.size);
   for (SizedShape& shape : options.shapes) take(shape.size);
-  // Winding numbers and paper mode know one body.
+  // What is wrapped is one body, and paper mode knows one.
   const bool may_have_bodies =
-      options.inside == InsideRule::kClosed && options.init == Initialization::kCover;
+      options.inside != InsideRule::kWrap && options.init == Initialization::kCover;
   if (options.more_inputs.empty()) options.has_bodies = may_have_bodies && curved->num_bodies > 1;
   source.cut_faces({law_for(least, options.deviation.value, options.per_circle), may_have_bodies});
 }
@@ -63,7 +63,7 @@ void cut_faces_for(const SurfaceSource& source, const RunParameters& run, std::u
   for (const PartSize& body : run.body_sizes) least = std::min(least, body.size);
   for (const SizeShape& shape : run.shapes) least = std::min(least, shape.size);
   source.cut_faces({law_for(least, run.deviation, run.per_circle),
-                    run.inside == InsideRule::kClosed && run.init == Initialization::kCover});
+                    run.inside != InsideRule::kWrap && run.init == Initialization::kCover});
 }
 
 }  // namespace locvol

@@ -68,6 +68,7 @@ class SurfaceCellCheck {
   CellReport run(CheckScope scope) && {
     throw_if_stopped(stop_);
     faces_away_ = scope == CheckScope::kFacingAway;
+    may_meet_itself_ = scope == CheckScope::kBetweenBodies;
     pair_edges();
     count_owned();
     throw_if_stopped(stop_);
@@ -340,7 +341,13 @@ class SurfaceCellCheck {
       report_.hits = probes_.hits_in(box_, tree, soup_.vertices, soup_.triangles);
       return;
     }
-    const auto pair = find_self_intersection(soup_.vertices, soup_.triangles, tree, stop_);
+    const auto are_of_two_bodies = [&](std::uint32_t s, std::uint32_t t) {
+      return given_body(given_, triangles_[s]) != given_body(given_, triangles_[t]);
+    };
+    std::function<bool(std::uint32_t, std::uint32_t)> is_asked;
+    if (may_meet_itself_) is_asked = are_of_two_bodies;
+    const auto pair =
+        find_self_intersection(soup_.vertices, soup_.triangles, tree, stop_, is_asked);
     if (pair)
       note_pair(report_.findings.intersection, {triangles_[pair->first], triangles_[pair->second]});
     throw_if_stopped(stop_);
@@ -356,7 +363,7 @@ class SurfaceCellCheck {
   double middle_z_;
   std::span<const std::uint32_t> given_;
   const StopToken* stop_;
-  bool faces_away_ = false;
+  bool faces_away_ = false, may_meet_itself_ = false;
   TriangleSoup soup_;
   Mates mates_;  // without copies
   std::vector<bool> is_copy_;

@@ -86,6 +86,7 @@ struct SurfaceFindings {
 enum class CheckScope {
   kNeighbors,  // edges and orientation only: all that can be said while triangles have no area
   kAll,
+  kBetweenBodies,  // all, but that a body may meet itself
   // All but that nothing meets anything else, of one that faces away from the only body: parts that
   // meet in an edge or a vertex are judged by what lies behind them.
   kFacingAway,

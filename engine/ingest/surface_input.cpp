@@ -79,7 +79,9 @@ class SurfacePreparation {
     distribute_and_check();
     if (gives_faces_once()) part_by_regions();
     if (!weld_ && findings_.edges_that_count().border.count > 0) weld_open_edges();
-    if (has_winding() && !encloses_something()) {
+    if (has_winding() && raw_.has_several_bodies) {
+      if (!encloses_something()) take_what_bodies_wind_around();
+    } else if (has_winding() && !encloses_something()) {
       take_what_is_wound_around();
       note_repairs();
       measure();
@@ -91,7 +93,7 @@ class SurfacePreparation {
     if (!has_area()) {
       check_contacts_without_area();
       distribute(flipped_triangles(), false);
-      check(CheckScope::kAll);
+      check(scope_);
       check_edges();
       check_orientation();
     }
@@ -113,7 +115,7 @@ class SurfacePreparation {
   // Of bodies the triangles are needed again.
   void distribute_and_check() {
     distribute({}, !has_area() || raw_.has_several_bodies || has_winding());
-    check(has_area() ? CheckScope::kAll : CheckScope::kNeighbors);
+    check(has_area() ? scope_ : CheckScope::kNeighbors);
   }
 
   void distribute(const TriangleChanges& changes, bool is_to_be_repaired) {
@@ -173,6 +175,78 @@ class SurfacePreparation {
     check(CheckScope::kFacingAway);
     check_edges();
   }
+
+  // The same of each body by itself. Those that enclose something keep their triangles.
+  void take_what_bodies_wind_around() {
+    share_.require_whole();
+    if (given_.empty())
+      refuse(
+          "has bodies without names, and it is not known whose triangles are amiss: give each as a "
+          "file or a group{}",
+          about_bodies());
+    require_memory_for(raw_.num_triangles());
+    std::map<std::uint32_t, std::vector<Triangle>> bodies;
+    std::uint64_t next_id = 0;
+    for (const TriangleList& list : raw_.triangles)
+      raw_.spill.for_each(list, [&](const Triangle& t) {
+        bodies[given_body(given_, t)].push_back(t);
+        next_id = t.id + 1;
+      });
+    std::vector<Triangle> kept, found, over_holes;
+    std::set<std::uint32_t> changed;
+    for (auto& [body, triangles] : bodies) {
+      WindingChanges wound;
+      std::vector<Triangle> cured = wound_around(std::exchange(triangles, {}), wound);
+      if (cured.empty())
+        refuse("the triangles of {} wind around nothing: they are sheets", name_of(body));
+      const bool is_changed = cured.front().id == kNew;
+      if (is_changed) wound_of_bodies_.emplace_back(name_of(body), wound), changed.insert(body);
+      for (Triangle& t : cured) {
+        const bool is_over_hole = (t.sheet & kOverHole) != 0;
+        t.sheet &= ~kOverHole;
+        (!is_changed ? kept : is_over_hole ? over_holes : found).push_back(t);
+      }
+    }
+    if (changed.empty()) return;
+    std::ranges::sort(kept, {}, &Triangle::id);
+    TriangleList list;
+    TriangleWriter writer(raw_.spill, list);
+    for (const Triangle& t : kept) writer.append(t);
+    for (std::vector<Triangle>* some : {&found, &over_holes}) {
+      if (some == &over_holes) first_over_hole_ = next_id;
+      for (Triangle& t : *some) {
+        t.id = next_id++;
+        writer.append(t);
+      }
+    }
+    writer.flush();
+    std::erase_if(raw_.collinear,
+                  [&](const Triangle& t) { return changed.contains(given_body(given_, t)); });
+    adopt(std::move(list));
+    scope_ = CheckScope::kBetweenBodies;
+    distribute_and_check();
+  }
+
+  // Of one body's triangles: these, or others, with the id kNew.
+  std::vector<Triangle> wound_around(std::vector<Triangle> triangles, WindingChanges& wound) {
+    TriangleSoup soup = soup_of(triangles);
+    LooseSurface before{std::move(soup.vertices), std::move(soup.triangles), {}};
+    for (const Triangle& t : triangles) before.groups.push_back(t.sheet);
+    const double gap = weld_ ? 0 : kMostJoined * max_norm(raw_.box.max - raw_.box.min);
+    const LooseSurface after = winding_surface(before, winding_.spacing, gap, wound, watch_.stop());
+    std::vector<Triangle> found;
+    found.reserve(after.triangles.size());
+    for (std::size_t t = 0; t < after.triangles.size(); ++t) {
+      const auto& [a, b, c] = after.triangles[t];
+      found.push_back(
+          {kNew, {after.vertices[a], after.vertices[b], after.vertices[c]}, after.groups[t]});
+    }
+    const auto is_same = [](const Triangle& one, const Triangle& other) {
+      return one.corners == other.corners && one.sheet == other.sheet;
+    };
+    return std::ranges::equal(found, triangles, is_same) ? std::move(triangles) : found;
+  }
+  static constexpr std::uint64_t kNew = std::numeric_limits<std::uint64_t>::max();
 
   // Where that is all there is to do, triangles stay on disk. False: there is more, or memory is
   // too little for it.
@@ -561,7 +635,7 @@ class SurfacePreparation {
   void check_again() {
     num_copies_ += drops_copies_ ? findings_.num_copies : 0;
     distribute({}, false);
-    check(CheckScope::kAll);
+    check(scope_);
     check_edges();
     check_orientation();
     check_vertices();
@@ -652,7 +726,11 @@ class SurfacePreparation {
   std::string cured_by(std::string_view command) const {
     const bool is_file = raw_.file != kInMemory && raw_.file != kStandardInput;
     if (winding_.inside == InsideRule::kWrap) return ", or give another --wrap-alpha";
-    if (!is_file || !raw_.files.empty() || raw_.has_several_bodies) return "";
+    if (raw_.has_several_bodies)
+      return has_winding() || given_.empty()
+                 ? ""
+                 : ", or mesh what the triangles of each body wind around: --inside winding";
+    if (!is_file || !raw_.files.empty()) return "";
     constexpr std::string_view kPlain =
         "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789._+-/";
     std::string file = raw_.file;
@@ -735,30 +813,36 @@ class SurfacePreparation {
   }
 
   void note_winding() {
-    if (wound_.num_joined + wound_.num_turned + wound_.num_cut + wound_.num_holes == 0 &&
-        wound_.left_out_area == 0)
+    note_winding("by winding numbers", wound_);
+    std::size_t num_told = 0;
+    for (const auto& [body, wound] : wound_of_bodies_)
+      if (num_told++ < kMostToldPairs) note_winding("by winding numbers of " + body, wound);
+    if (wound_of_bodies_.size() > kMostToldPairs)
+      note("by winding numbers {} changed, too", wound_of_bodies_.size() - kMostToldPairs,
+           "more body", "more bodies");
+  }
+  void note_winding(const std::string& how, const WindingChanges& wound) {
+    if (wound.num_joined + wound.num_turned + wound.num_cut + wound.num_holes == 0 &&
+        wound.left_out_area == 0)
       return;
-    note(
-        "by winding numbers: joined {} with others up to " + rounded(wound_.largest_move) + " away",
-        wound_.num_joined, "point", "points");
-    note("by winding numbers: turned {}", wound_.num_turned, "triangle", "triangles");
-    note("by winding numbers: cut {} along others", wound_.num_cut, "triangle", "triangles");
-    if (wound_.left_out_area >= 1e-9)
-      notes_.push_back(
-          fmt::format("by winding numbers: left out {} of the area, with the same on both sides",
-                      percent(wound_.left_out_area)));
-    if (wound_.num_holes > 0)
-      notes_.push_back(
-          fmt::format("by winding numbers: closed {}, the largest of {}; that is {} of the area",
-                      counted(wound_.num_holes, "hole", "holes"),
-                      counted(wound_.largest_hole, "edge", "edges"), percent(wound_.closing_area)));
-    if (wound_.is_level)
-      notes_.push_back(
-          "by winding numbers: most of its triangles have no neighbors: the surface is where the "
-          "number is 1/2, at places λ apart");
-    if (wound_.doubt > 0)
-      notes_.push_back(
-          fmt::format("by winding numbers: in doubt is {} of the box", percent(wound_.doubt)));
+    note(how + ": joined {} with others up to " + rounded(wound.largest_move) + " away",
+         wound.num_joined, "point", "points");
+    note(how + ": turned {}", wound.num_turned, "triangle", "triangles");
+    note(how + ": cut {} along others", wound.num_cut, "triangle", "triangles");
+    if (wound.left_out_area >= 1e-9)
+      notes_.push_back(fmt::format("{}: left out {} of the area, with the same on both sides", how,
+                                   percent(wound.left_out_area)));
+    if (wound.num_holes > 0)
+      notes_.push_back(fmt::format("{}: closed {}, the largest of {}; that is {} of the area", how,
+                                   counted(wound.num_holes, "hole", "holes"),
+                                   counted(wound.largest_hole, "edge", "edges"),
+                                   percent(wound.closing_area)));
+    if (wound.is_level)
+      notes_.push_back(how +
+                       ": most of its triangles have no neighbors: the surface is where the "
+                       "number is 1/2, at places λ apart");
+    if (wound.doubt > 0)
+      notes_.push_back(fmt::format("{}: in doubt is {} of the box", how, percent(wound.doubt)));
   }
   static std::string percent(double share) { return fmt::format("{:.3g}%", 100 * share); }
 
@@ -874,9 +958,11 @@ class SurfacePreparation {
   SharpAngle angle_;
   WindingLaw winding_;
   WindingChanges wound_;
-  std::uint64_t first_over_hole_ = SharpAngle::kNoHoles;  // triangle
+  std::vector<std::pair<std::string, WindingChanges>> wound_of_bodies_;  // by name: those changed
+  std::uint64_t first_over_hole_ = SharpAngle::kNoHoles;                 // triangle
   TriangleBuckets buckets_;
   SurfaceFindings findings_;
+  CheckScope scope_ = CheckScope::kAll;
   bool drops_copies_ = false;
   std::optional<WeldedSurface> welded_;  // without its triangles
   std::string tried_;                    // to close it

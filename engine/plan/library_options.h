@@ -130,8 +130,8 @@ struct Options {
   bool is_surface_only = false;
   /// What is taken for the inside: InsideRule::kClosed, kWinding or kWrap. By winding numbers,
   /// triangles of any kind can be meshed: holes close, what overlaps is united, and doubled and
-  /// inner walls vanish. Sheets, which enclose nothing, can be wrapped: a new surface goes around
-  /// all triangles.
+  /// inner walls vanish; of several bodies each is what its own triangles wind around. Sheets,
+  /// which enclose nothing, can be wrapped: a new surface goes around all triangles.
   InsideRule inside = {};
   /// Of what is wrapped: what a ball of this radius does not go through is bridged. A length; of
   /// value 0: a 50th of the longest side of the bounding box.

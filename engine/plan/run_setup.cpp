@@ -200,10 +200,6 @@ void check_bodies(const RunRecord& run) {
         fmt::format("a size is given for the body '{}', one of several: give --bodies, or more "
                     "files; or give the size with --size",
                     p.body_sizes.front().name));
-  if ((p.has_bodies || has_files) && p.inside == InsideRule::kWinding)
-    throw InputError(
-        "winding numbers are of one body: leave --inside winding out, or give one file without "
-        "--bodies");
   if ((p.has_bodies || has_files) && p.inside == InsideRule::kWrap)
     throw InputError(
         "what is wrapped is one body: leave --wrap out, or give one file without --bodies");

@@ -994,6 +994,69 @@ TEST_F(Bodies, ThatAreCutGoOnAfterInterruptionsAndOnRanks) {
   EXPECT_TRUE(are_equal(expected, meshed_with_stops(options, 5)));
 }
 
+// ---- Winding numbers of each
+
+TEST_F(Bodies, ByWindingNumbersSoundOnesAreTheSame) {
+  // Whose triangles are the same where they touch; that are cut there; that cross.
+  const Shape across = box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5});
+  int n = 0;
+  for (const Shape& other :
+       {box({1, 0, 0}, {2, 1, 1}), right_cube_with_the_other_diagonal(), across}) {
+    SCOPED_TRACE(n);
+    MeshOptions options = this->options({off("left", kLeftCube), off("other", other)}, 0.2);
+    const std::string run = "closed" + std::to_string(n), again = "wound" + std::to_string(n);
+    Contents closed = meshed(options, run);
+    options.inside = InsideRule::kWinding;
+    const Contents wound = meshed(options, again);
+    closed.run.parameters.inside = InsideRule::kWinding;
+    EXPECT_TRUE(are_equal(closed, wound));
+    ++n;
+  }
+}
+
+TEST_F(Bodies, ByWindingNumbersEachIsWhatItsOwnTrianglesWindAround) {
+  const auto append = [](Shape& to, const Shape& more) {
+    const auto first = static_cast<std::uint32_t>(to.vertices.size());
+    to.vertices.insert(to.vertices.end(), more.vertices.begin(), more.vertices.end());
+    for (auto [a, b, c] : more.triangles) to.triangles.push_back({first + a, first + b, first + c});
+  };
+  Shape left = kLeftCube, right = box({1, 0, 0}, {2, 1, 1});
+  left.triangles.erase(left.triangles.begin() + 3);          // a hole
+  append(right, box({0.75, 0.25, 0.25}, {1.5, 0.75, 1.5}));  // a shell across it
+  right.triangles.push_back(right.triangles.front());        // a doubled one
+  std::swap(right.triangles[4][0], right.triangles[4][1]);   // one that is turned
+  MeshOptions options = this->options({off("left", left), off("right", right)}, 0.15);
+  EXPECT_NE(refusal_of(options).find("--inside winding"), std::string::npos);
+  options.inside = InsideRule::kWinding;
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  // What of the shell lies in the left one is that one's; this stands above both.
+  const double above = 0.75 * 0.5 * 0.5;
+  const auto facets = check("run", {1, 1 + above}, {kPlane, kPlane});
+  EXPECT_TRUE(facets.contains({2, 1}));
+  const std::string notes = fmt::format("{}", fmt::join(contents.run.surface.notes, "; "));
+  for (const char* told : {"of left: closed 1 hole", "of right: turned 1 triangle"})
+    EXPECT_NE(notes.find(told), notes.npos) << notes;
+  EXPECT_TRUE(are_equal(contents, meshed(options, "threads", 3)));
+  EXPECT_TRUE(are_equal(contents, meshed_with_stops(options, 20)));
+}
+
+TEST_F(Bodies, ByWindingNumbersASheetOrOnesWithoutNamesAreRefused) {
+  Shape sheet = box({1, 0, 0}, {2, 1, 1});
+  sheet.triangles.resize(2);
+  MeshOptions options = this->options({off("left", kLeftCube), off("sheet", sheet)}, 0.2);
+  options.inside = InsideRule::kWinding;
+  EXPECT_NE(refusal_of(options).find("sheet wind around nothing"), std::string::npos)
+      << refusal_of(options);
+  Shape open = box({1, 0, 0}, {2, 1, 1});
+  open.triangles.pop_back();
+  options = this->options({obj("pair", {{"", kLeftCube}, {"", open}})}, 0.2);
+  options.inside = InsideRule::kWinding;
+  options.has_bodies = true;
+  EXPECT_NE(refusal_of(options).find("give each as a file or a"), std::string::npos)
+      << refusal_of(options);
+}
+
 TEST_F(Bodies, ShellsThatNobodyCanTellApartAreNotCut) {
   // Without names nobody can tell which triangles are whose.
   MeshOptions unnamed = this->options(
