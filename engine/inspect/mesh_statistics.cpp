@@ -221,6 +221,7 @@ class MeasureTask : public Task {
         run_.frame.box(octree_.leaves()[leaf]).expanded(kCellReach / 2 * measured_.scale.of(leaf));
     SizeCubes sizes{law_, run_.frame, {}};
     for (const std::size_t other : near) {
+      if (!run_.frame.box(octree_.leaves()[other]).overlaps(region)) continue;
       const auto theirs = lists.get(other);
       std::ranges::copy_if(
           theirs->values, std::back_inserter(sizes.cubes),
