@@ -11,18 +11,22 @@
 
 namespace locvol {
 
-// With its groups. Throws as TriangleSpill.
+// With their groups.
+inline LooseSurface loose_surface(std::span<const Triangle> triangles) {
+  TriangleSoup soup = soup_of(triangles);
+  LooseSurface surface{std::move(soup.vertices), std::move(soup.triangles), {}};
+  surface.groups.reserve(triangles.size());
+  for (const Triangle& t : triangles) surface.groups.push_back(t.sheet);
+  return surface;
+}
+// Throws as TriangleSpill.
 inline LooseSurface loose_surface(const TriangleSpill& spill, std::span<const TriangleList> lists) {
   std::vector<Triangle> triangles;
   for (const TriangleList& list : lists) {
     triangles.reserve(triangles.size() + list.count);
     spill.for_each(list, [&](const Triangle& t) { triangles.push_back(t); });
   }
-  TriangleSoup soup = soup_of(triangles);
-  LooseSurface surface{std::move(soup.vertices), std::move(soup.triangles), {}};
-  surface.groups.reserve(triangles.size());
-  for (const Triangle& t : triangles) surface.groups.push_back(t.sheet);
-  return surface;
+  return loose_surface(triangles);
 }
 
 }  // namespace locvol

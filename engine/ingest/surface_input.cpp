@@ -229,11 +229,9 @@ class SurfacePreparation {
 
   // Of one body's triangles: these, or others, with the id kNew.
   std::vector<Triangle> wound_around(std::vector<Triangle> triangles, WindingChanges& wound) {
-    TriangleSoup soup = soup_of(triangles);
-    LooseSurface before{std::move(soup.vertices), std::move(soup.triangles), {}};
-    for (const Triangle& t : triangles) before.groups.push_back(t.sheet);
     const double gap = weld_ ? 0 : kMostJoined * max_norm(raw_.box.max - raw_.box.min);
-    const LooseSurface after = winding_surface(before, winding_.spacing, gap, wound, watch_.stop());
+    const LooseSurface after =
+        winding_surface(loose_surface(triangles), winding_.spacing, gap, wound, watch_.stop());
     std::vector<Triangle> found;
     found.reserve(after.triangles.size());
     for (std::size_t t = 0; t < after.triangles.size(); ++t) {
@@ -241,8 +239,9 @@ class SurfacePreparation {
       found.push_back(
           {kNew, {after.vertices[a], after.vertices[b], after.vertices[c]}, after.groups[t]});
     }
+    // Which way triangles face is nobody's affair but theirs.
     const auto is_same = [](const Triangle& one, const Triangle& other) {
-      return one.corners == other.corners && one.sheet == other.sheet;
+      return one.sheet == other.sheet && std::ranges::is_permutation(one.corners, other.corners);
     };
     return std::ranges::equal(found, triangles, is_same) ? std::move(triangles) : found;
   }

@@ -997,8 +997,10 @@ TEST_F(Bodies, ThatAreCutGoOnAfterInterruptionsAndOnRanks) {
 // ---- Winding numbers of each
 
 TEST_F(Bodies, ByWindingNumbersSoundOnesAreTheSame) {
-  // Whose triangles are the same where they touch; that are cut there; that cross.
-  const Shape across = box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5});
+  // Whose triangles are the same where they touch; that are cut there; that cross, of which one
+  // faces inward.
+  Shape across = box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5});
+  for (auto& t : across.triangles) std::swap(t[0], t[1]);
   int n = 0;
   for (const Shape& other :
        {box({1, 0, 0}, {2, 1, 1}), right_cube_with_the_other_diagonal(), across}) {
