@@ -486,7 +486,7 @@ class SurfacePreparation {
     share_.require_whole();
     RegionFaces faces =
         faces_of_regions(raw_.spill, buckets_, given_, raw_.box, raw_.has_pieces, watch_, workers_);
-    if (faces.obstacle && faces.obstacle->kind == FaceObstacle::Kind::kWithin)
+    if (faces.obstacle && faces.obstacle->kind == FaceObstacle::Kind::kWithin && !has_winding())
       refuse("{} has the same body on both of its sides; leave it out",
              shown(faces.obstacle->triangle));
     if (faces.obstacle || faces.given_body.size() < 2)
