@@ -29,6 +29,11 @@ void make_length(Size& size, const Box& box) {
     size = Size::length(absolute_size(size, box));
 }
 
+// What is wrapped is one body, and paper mode knows one.
+bool may_have_bodies(InsideRule inside, Initialization init) {
+  return inside != InsideRule::kWrap && init == Initialization::kCover;
+}
+
 double usual_size(const Box& box) { return kUsualSize * max_norm(box.max - box.min); }
 
 }  // namespace
@@ -48,11 +53,9 @@ void settle_faces(const SurfaceSource& source, MeshOptions& options, std::uint64
   for (SizedPart& sheet : options.sheets) take(sheet.size);
   for (SizedPart& body : options.bodies) take(body.size);
   for (SizedShape& shape : options.shapes) take(shape.size);
-  // What is wrapped is one body, and paper mode knows one.
-  const bool may_have_bodies =
-      options.inside != InsideRule::kWrap && options.init == Initialization::kCover;
-  if (options.more_inputs.empty()) options.has_bodies = may_have_bodies && curved->num_bodies > 1;
-  source.cut_faces({law_for(least, options.deviation.value, options.per_circle), may_have_bodies});
+  const bool has_bodies = may_have_bodies(options.inside, options.init);
+  if (options.more_inputs.empty()) options.has_bodies = has_bodies && curved->num_bodies > 1;
+  source.cut_faces({law_for(least, options.deviation.value, options.per_circle), has_bodies});
 }
 
 void cut_faces_for(const SurfaceSource& source, const RunParameters& run, std::uint64_t cap,
@@ -62,8 +65,8 @@ void cut_faces_for(const SurfaceSource& source, const RunParameters& run, std::u
   for (const PartSize& sheet : run.sheet_sizes) least = std::min(least, sheet.size);
   for (const PartSize& body : run.body_sizes) least = std::min(least, body.size);
   for (const SizeShape& shape : run.shapes) least = std::min(least, shape.size);
-  source.cut_faces({law_for(least, run.deviation, run.per_circle),
-                    run.inside != InsideRule::kWrap && run.init == Initialization::kCover});
+  source.cut_faces(
+      {law_for(least, run.deviation, run.per_circle), may_have_bodies(run.inside, run.init)});
 }
 
 }  // namespace locvol

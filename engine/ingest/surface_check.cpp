@@ -341,15 +341,19 @@ class SurfaceCellCheck {
       report_.hits = probes_.hits_in(box_, tree, soup_.vertices, soup_.triangles);
       return;
     }
-    const auto are_of_two_bodies = [&](std::uint32_t s, std::uint32_t t) {
-      return given_body(given_, triangles_[s]) != given_body(given_, triangles_[t]);
+    const auto note = [&](std::uint32_t s, std::uint32_t t) {
+      note_pair(report_.findings.intersection,
+                {triangles_[std::min(s, t)], triangles_[std::max(s, t)]});
     };
-    std::function<bool(std::uint32_t, std::uint32_t)> is_asked;
-    if (may_meet_itself_) is_asked = are_of_two_bodies;
-    const auto pair =
-        find_self_intersection(soup_.vertices, soup_.triangles, tree, stop_, is_asked);
-    if (pair)
-      note_pair(report_.findings.intersection, {triangles_[pair->first], triangles_[pair->second]});
+    if (may_meet_itself_) {
+      const auto are_of_two_bodies = [&](std::uint32_t s, std::uint32_t t) {
+        return given_body(given_, triangles_[s]) != given_body(given_, triangles_[t]);
+      };
+      for_each_intersection(soup_.vertices, soup_.triangles, tree, are_of_two_bodies, note, stop_);
+    } else if (const auto pair =
+                   find_self_intersection(soup_.vertices, soup_.triangles, tree, stop_)) {
+      note(pair->first, pair->second);
+    }
     throw_if_stopped(stop_);
     report_.hits = probes_.hits_in(box_, tree, soup_.vertices, soup_.triangles);
   }

@@ -79,13 +79,14 @@ class SurfacePreparation {
     distribute_and_check();
     if (gives_faces_once()) part_by_regions();
     if (!weld_ && findings_.edges_that_count().border.count > 0) weld_open_edges();
-    if (has_winding() && raw_.has_several_bodies) {
-      if (!encloses_something()) take_what_bodies_wind_around();
-    } else if (has_winding() && !encloses_something()) {
-      take_what_is_wound_around();
-      note_repairs();
-      measure();
-      return result();
+    if (has_winding() && !encloses_something()) {
+      if (!raw_.has_several_bodies) {
+        take_what_is_wound_around();
+        note_repairs();
+        measure();
+        return result();
+      }
+      take_what_bodies_wind_around();
     }
     check_walls();
     check_edges();
@@ -140,7 +141,7 @@ class SurfacePreparation {
 
   void take_what_is_wound_around() {
     share_.require_whole();
-    const double gap = weld_ ? 0 : kMostJoined * max_norm(raw_.box.max - raw_.box.min);
+    const double gap = joined_gap();
     TriangleList list;
     TriangleWriter writer(raw_.spill, list);
     std::uint64_t id = 0;
@@ -176,6 +177,11 @@ class SurfacePreparation {
     check_edges();
   }
 
+  // Of points at open edges, for winding numbers: those that are closer become one.
+  double joined_gap() const {
+    return weld_ ? 0 : kMostJoined * max_norm(raw_.box.max - raw_.box.min);
+  }
+
   // The same of each body by itself. Those that enclose something keep their triangles.
   void take_what_bodies_wind_around() {
     share_.require_whole();
@@ -194,17 +200,21 @@ class SurfacePreparation {
       });
     std::vector<Triangle> kept, found, over_holes;
     std::set<std::uint32_t> changed;
-    for (auto& [body, triangles] : bodies) {
+    for (const auto& [body, triangles] : bodies) {
       WindingChanges wound;
-      std::vector<Triangle> cured = wound_around(std::exchange(triangles, {}), wound);
-      if (cured.empty())
+      const std::optional<std::vector<Triangle>> others = wound_around(triangles, wound);
+      if (!others) {
+        kept.insert(kept.end(), triangles.begin(), triangles.end());
+        continue;
+      }
+      if (others->empty())
         refuse("the triangles of {} wind around nothing: they are sheets", name_of(body));
-      const bool is_changed = cured.front().id == kNew;
-      if (is_changed) wound_of_bodies_.emplace_back(name_of(body), wound), changed.insert(body);
-      for (Triangle& t : cured) {
+      changed.insert(body);
+      wound_of_bodies_.emplace_back(name_of(body), wound);
+      for (Triangle t : *others) {
         const bool is_over_hole = (t.sheet & kOverHole) != 0;
         t.sheet &= ~kOverHole;
-        (!is_changed ? kept : is_over_hole ? over_holes : found).push_back(t);
+        (is_over_hole ? over_holes : found).push_back(t);
       }
     }
     if (changed.empty()) return;
@@ -227,25 +237,25 @@ class SurfacePreparation {
     distribute_and_check();
   }
 
-  // Of one body's triangles: these, or others, with the id kNew.
-  std::vector<Triangle> wound_around(std::vector<Triangle> triangles, WindingChanges& wound) {
-    const double gap = weld_ ? 0 : kMostJoined * max_norm(raw_.box.max - raw_.box.min);
-    const LooseSurface after =
-        winding_surface(loose_surface(triangles), winding_.spacing, gap, wound, watch_.stop());
+  // Of one body's triangles; without ids. Nothing: they are these.
+  std::optional<std::vector<Triangle>> wound_around(std::span<const Triangle> triangles,
+                                                    WindingChanges& wound) const {
+    const LooseSurface after = winding_surface(loose_surface(triangles), winding_.spacing,
+                                               joined_gap(), wound, watch_.stop());
     std::vector<Triangle> found;
     found.reserve(after.triangles.size());
     for (std::size_t t = 0; t < after.triangles.size(); ++t) {
       const auto& [a, b, c] = after.triangles[t];
       found.push_back(
-          {kNew, {after.vertices[a], after.vertices[b], after.vertices[c]}, after.groups[t]});
+          {0, {after.vertices[a], after.vertices[b], after.vertices[c]}, after.groups[t]});
     }
     // Which way triangles face is nobody's affair but theirs.
     const auto is_same = [](const Triangle& one, const Triangle& other) {
       return one.sheet == other.sheet && std::ranges::is_permutation(one.corners, other.corners);
     };
-    return std::ranges::equal(found, triangles, is_same) ? std::move(triangles) : found;
+    if (std::ranges::equal(found, triangles, is_same)) return std::nullopt;
+    return found;
   }
-  static constexpr std::uint64_t kNew = std::numeric_limits<std::uint64_t>::max();
 
   // Where that is all there is to do, triangles stay on disk. False: there is more, or memory is
   // too little for it.

@@ -165,9 +165,10 @@ class PairTest {
 
 }  // namespace
 
-std::optional<IntersectingPair> find_self_intersection(
-    std::span<const Point> vertices, std::span<const Corners> triangles, const TriangleTree& tree,
-    const StopToken* stop, const std::function<bool(std::uint32_t, std::uint32_t)>& is_asked) {
+std::optional<IntersectingPair> find_self_intersection(std::span<const Point> vertices,
+                                                       std::span<const Corners> triangles,
+                                                       const TriangleTree& tree,
+                                                       const StopToken* stop) {
   const PairTest test(vertices, triangles);
   std::optional<IntersectingPair> smallest;
   std::uint32_t limit = std::numeric_limits<std::uint32_t>::max();
@@ -175,7 +176,7 @@ std::optional<IntersectingPair> find_self_intersection(
   tree.for_each_pair(limit, [&](std::uint32_t s, std::uint32_t t) {
     poll();
     const IntersectingPair pair{std::min(s, t), std::max(s, t)};
-    if ((smallest && *smallest < pair) || (is_asked && !is_asked(s, t))) return;
+    if (smallest && *smallest < pair) return;
     if (!test.intersect(pair.first, pair.second)) return;
     smallest = pair;
     limit = pair.first;

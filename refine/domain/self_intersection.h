@@ -21,14 +21,13 @@ struct IntersectingPair {
 
 // The smallest pair (by first, then second) of triangles that meet anywhere but in the vertices and
 // the edge they share, or nothing. Vertices are told apart by their index. `tree`: of the
-// triangles; pairs that can meet outside of its region only may be left out. `is_asked`: of a pair,
-// in either order; empty: all are. Time: about T log T, 0.6 µs a triangle, with that of the tree.
-// REQUIRES: different vertices have different coordinates; no triangle is collinear; coordinates
-// differ by at most 1e50 and are finite. Throws Stopped.
+// triangles; pairs that can meet outside of its region only may be left out. Time: about T log T,
+// 0.6 µs a triangle, with that of the tree. REQUIRES: different vertices have different
+// coordinates; no triangle is collinear; coordinates differ by at most 1e50 and are finite. Throws
+// Stopped.
 std::optional<IntersectingPair> find_self_intersection(
     std::span<const Point> vertices, std::span<const std::array<std::uint32_t, 3>> triangles,
-    const TriangleTree& tree, const StopToken* stop = nullptr,
-    const std::function<bool(std::uint32_t, std::uint32_t)>& is_asked = {});
+    const TriangleTree& tree, const StopToken* stop = nullptr);
 
 // visit(s, t) for every such pair of which is_asked(s, t), in either order, but for those with the
 // same vertices. The same is required, and thrown.
