@@ -13,6 +13,86 @@
 namespace locvol {
 namespace {
 
+// `border`: the length of sharp edges around it
+bool is_strip(const SheetPart& part, double border, const SheetLaw& law) {
+  constexpr double kMostTurn = 0.5;  // over the border
+  const double least_width =
+      part.num_points > 0 ? law.least_width : law.least_width / kLeastSheetWidth;
+  return 2 * part.area.value() < least_width * border &&
+         std::abs(part.turn.value()) < kMostTurn * border;
+}
+
+// Parts, put together from what ribs part.
+struct WholeParts {
+  std::vector<SheetPart> parts;
+  std::vector<SheetBorder> borders;     // of these
+  std::vector<std::uint32_t> of_piece;  // places of parts, by piece
+};
+
+class RibJoiner {
+ public:
+  RibJoiner(std::span<const SheetPart> pieces, std::span<const SheetBorder> borders,
+            const SheetLaw& law)
+      : pieces_(pieces), borders_(borders), law_(law), sets_(pieces.size()) {}
+
+  WholeParts run() && {
+    // What is narrow hangs together, and so does all else; then there may be strips.
+    const std::vector<bool> is_narrow = those([&](const SheetPart& piece, double border) {
+      return 2 * piece.area.value() < law_.least_width * border;
+    });
+    join_alike(is_narrow);
+    std::vector<bool> is_strip = those([&](const SheetPart& piece, double border) {
+      return locvol::is_strip(piece, border, law_);
+    });
+    for (std::size_t i = 0; i < is_strip.size(); ++i)
+      if (!is_narrow[i]) is_strip[i] = false;
+    join_alike(is_strip);
+    return joined();
+  }
+
+ private:
+  // is(part, length of its border), asked of what is put together so far; by piece.
+  template <class Is>
+  std::vector<bool> those(const Is& is) {
+    const WholeParts whole = joined();
+    std::vector<CompensatedSum> lengths(whole.parts.size());
+    for (const SheetBorder& border : whole.borders)
+      if (border.a != border.b)
+        for (const std::uint32_t part : {border.a, border.b}) lengths[part].add(border.length);
+    std::vector<bool> found;
+    for (const std::uint32_t part : whole.of_piece)
+      found.push_back(is(whole.parts[part], lengths[part].value()));
+    return found;
+  }
+
+  void join_alike(const std::vector<bool>& kind) {
+    for (const SheetBorder& border : borders_)
+      if (border.is_rib && kind[border.a] == kind[border.b]) sets_.unite(border.a, border.b);
+  }
+
+  WholeParts joined() {
+    WholeParts whole;
+    for (std::uint32_t piece = 0; piece < pieces_.size(); ++piece) {
+      const std::size_t first = sets_.find(piece);
+      if (first == piece) {
+        whole.of_piece.push_back(static_cast<std::uint32_t>(whole.parts.size()));
+        whole.parts.push_back(pieces_[piece]);
+      } else {
+        whole.of_piece.push_back(whole.of_piece[first]);
+        whole.parts[whole.of_piece[first]].add(pieces_[piece], false);
+      }
+    }
+    for (const auto& [a, b, is_rib, length] : borders_)
+      if (!is_rib) whole.borders.push_back({whole.of_piece[a], whole.of_piece[b], false, length});
+    return whole;
+  }
+
+  std::span<const SheetPart> pieces_;
+  std::span<const SheetBorder> borders_;
+  const SheetLaw& law_;
+  DisjointSets sets_;
+};
+
 class SpeckMerger {
  public:
   SpeckMerger(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
@@ -23,7 +103,7 @@ class SpeckMerger {
         wholes_(parts.size()),
         law_(law) {
     std::iota(parents_.begin(), parents_.end(), std::uint32_t{0});
-    for (const auto& [a, b, length] : borders) {
+    for (const auto& [a, b, is_rib, length] : borders) {
       if (a == b) continue;
       beside_[a][b].add(length);
       beside_[b][a].add(length);
@@ -53,8 +133,8 @@ class SpeckMerger {
     return part;
   }
   bool has_strips() const { return has_strips_; }
-  std::uint32_t whole_of(std::uint32_t part) {
-    return static_cast<std::uint32_t>(wholes_.find(part));
+  SheetPiece piece(std::uint32_t part) {
+    return {part, static_cast<std::uint32_t>(wholes_.find(part))};
   }
   const SheetPart& part(std::uint32_t root) const { return parts_[root]; }
 
@@ -67,12 +147,9 @@ class SpeckMerger {
     if (parts_[part].area.value() < law_.least_area || is_strip(part)) small_.insert(small(part));
   }
   bool is_strip(std::uint32_t part) const {
-    constexpr double kMostTurn = 0.5;  // over the border
-    if (!(law_.least_width > 0) || parts_[part].num_points == 0) return false;
     CompensatedSum border;
     for (const auto& [other, length] : beside_[part]) border.add(length);
-    return 2 * parts_[part].area.value() < law_.least_width * border.value() &&
-           std::abs(parts_[part].turn.value()) < kMostTurn * border.value();
+    return locvol::is_strip(parts_[part], border.value(), law_);
   }
 
   std::uint32_t neighbor_of(std::uint32_t speck) const {
@@ -101,7 +178,7 @@ class SpeckMerger {
   std::vector<SheetPart> parts_;
   std::vector<std::map<std::uint32_t, CompensatedSum>> beside_;  // lengths of borders
   std::vector<std::uint32_t> parents_;                           // a forest; roots are sheets
-  DisjointSets wholes_;                                          // see SheetPlan::whole_of_part
+  DisjointSets wholes_;                                          // see SheetPiece
   bool has_strips_ = false;
   std::set<Small> small_;
   SheetLaw law_;
@@ -140,9 +217,10 @@ void name_sheets(std::span<const SheetId> group_of, std::span<const std::string>
 
 }  // namespace
 
-SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
+SheetPlan plan_sheets(std::span<const SheetPart> pieces, std::span<const SheetBorder> all_borders,
                       std::span<const std::string> groups, const SheetLaw& law,
                       std::span<const std::array<BodyId, 2>> bodies_of_group, std::size_t most) {
+  const auto [parts, borders, of_piece] = RibJoiner(pieces, all_borders, law).run();
   SpeckMerger merger(parts, borders, law);
   SheetPlan plan;
   plan.num_specks = merger.run();
@@ -163,10 +241,10 @@ SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBor
     number[root] = static_cast<SheetId>(plan.sheets.size());
     group_of.push_back(merger.part(root).group);
   }
-  for (std::uint32_t part = 0; part < parts.size(); ++part)
+  for (const std::uint32_t part : of_piece) {
     plan.of_part.push_back(number[merger.root_of(part)]);
-  for (std::uint32_t part = 0; merger.has_strips() && part < parts.size(); ++part)
-    plan.whole_of_part.push_back(merger.whole_of(part));
+    if (merger.has_strips()) plan.pieces.push_back(merger.piece(part));
+  }
   name_sheets(group_of, groups, plan.sheets);
   return plan;
 }

@@ -24,7 +24,8 @@ inline constexpr std::size_t kMaxSheets = 10'000;
 // A strip is narrower than this, over the spacing floor, ends in a point, and is a step: the
 // surface turns one way where it begins, and the other way where it ends. Towards the point its two
 // creases are too close to each other to be kept. Those of a wall are not, for mirrors part its
-// sides.
+// sides. What is narrower than the floor itself needs no point. What is wide elsewhere may have
+// strips, too: where it is narrow, ribs part it, edges that are shorter than a strip is wide.
 inline constexpr double kLeastSheetWidth = 3;
 inline constexpr double kPointedAngle = 15;  // degrees: what is more acute is a point
 
@@ -42,7 +43,8 @@ struct SheetLaw {
   }
 };
 
-// Triangles of one group that hang together by edges which are not sharp, or some of them.
+// Triangles of one group that hang together by edges which are neither sharp nor ribs, or some of
+// them.
 struct SheetPart {
   std::uint64_t first_triangle = std::numeric_limits<std::uint64_t>::max();
   SheetId group = 1;
@@ -62,37 +64,36 @@ struct SheetPart {
   }
 };
 
-// Sharp edges between two parts of a group.
+// Edges between two parts of a group: sharp ones, or ribs.
 struct SheetBorder {
   std::uint32_t a = 0, b = 0;  // places of parts, a < b
+  bool is_rib = false;
   CompensatedSum length;
-};
-
-struct SheetPlan {
-  std::vector<SheetId> of_part;    // from 1 on, in the order of their first triangles
-  std::vector<SheetFacts> sheets;  // with names and first triangles; no more is known
-  std::uint64_t num_specks = 0;    // parts that were too small, and strips
-  // By part, a number that strips have in common with what they have become one with. Empty: there
-  // are no strips.
-  std::vector<std::uint32_t> whole_of_part;
-  std::uint64_t num_too_many = 0;  // sheets; 0: not more than the most, else none is here
 };
 
 // What a triangle is of.
 struct SheetPiece {
-  std::uint32_t part = 0, whole = 0;  // see SheetPlan::whole_of_part
+  std::uint32_t part = 0, whole = 0;  // strips have a whole in common with what they are one with
   // Is the edge between them one of a strip and of what it is one with? Then it is no crease.
   bool is_beside_strip(const SheetPiece& other) const {
     return part != other.part && whole == other.whole;
   }
 };
 
-// Parts smaller than the law's least area, and those with a point that are narrower than its least
-// width, the smallest first, become one with the part of their group with which they share the
-// longest border. `groups`: names, by SheetPart::group. A sheet is called as its group; of several
-// in a group, NAME_1 and so on; without a group's name, by its own number. Borders may be listed
-// several times, and join parts that are one. `bodies_of_group`: on the sides of each group; empty:
-// the only one is behind all. `most`: sheets.
+struct SheetPlan {
+  std::vector<SheetId> of_part;    // from 1 on, in the order of their first triangles
+  std::vector<SheetFacts> sheets;  // with names and first triangles; no more is known
+  std::uint64_t num_specks = 0;    // parts that were too small, and strips
+  std::vector<SheetPiece> pieces;  // by part; empty: there are no strips
+  std::uint64_t num_too_many = 0;  // sheets; 0: not more than the most, else none is here
+};
+
+// What ribs part is one again, but strips and what is no strip. Then parts smaller than the law's
+// least area, and strips, the smallest first, become one with the part of their group with which
+// they share the longest border. `groups`: names, by SheetPart::group. A sheet is called as
+// its group; of several in a group, NAME_1 and so on; without a group's name, by its own number.
+// Borders may be listed several times, and join parts that are one. `bodies_of_group`: on the sides
+// of each group; empty: the only one is behind all. `most`: sheets.
 SheetPlan plan_sheets(std::span<const SheetPart> parts, std::span<const SheetBorder> borders,
                       std::span<const std::string> groups, const SheetLaw& law,
                       std::span<const std::array<BodyId, 2>> bodies_of_group = {},

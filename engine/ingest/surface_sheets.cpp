@@ -13,6 +13,7 @@
 #include "engine/ingest/surface_check.h"
 #include "engine/ingest/surface_topology.h"
 #include "engine/ingest/triangle_soup.h"
+#include "octree/disjoint_sets.h"
 
 namespace locvol {
 namespace {
@@ -37,10 +38,11 @@ class SheetsOfCell {
  public:
   SheetsOfCell(std::vector<Triangle> triangles, MortonKey cell, const TriangleBuckets& buckets,
                const SharpAngle& angle, const NeedleNormals& needles, const EdgeSet& given,
-               bool has_contacts)
+               double least_width, bool has_contacts)
       : cell_(cell),
         box_(buckets.frame().box(cell)),
         buckets_(buckets),
+        least_width_(least_width),
         soup_(soup_of(triangles)),
         mates_(paired_edges(soup_.vertices.size(), soup_.triangles)) {
     if (has_contacts)
@@ -53,23 +55,28 @@ class SheetsOfCell {
   }
 
   CellSheets run() && {
+    const std::vector<std::uint32_t> points = find_points();
+    part_ribs();
     const Components components = find_components(soup_.triangles, mates_);
     found_.parts.resize(components.count);
     for (std::uint32_t t = 0; t < found_.triangles.size(); ++t)
       take(components.of_triangle[t], components.is_turned[t], found_.triangles[t]);
-    find_points(components);
-    std::map<std::pair<std::uint32_t, std::uint32_t>, CompensatedSum> lengths;
-    for (const auto& [h, g] : parted_) {
-      const auto parts = std::minmax(components.of_triangle[h / 3], components.of_triangle[g / 3]);
-      if (parts.first == parts.second) continue;
-      for (const auto& [of, other] : {std::pair(h, g), std::pair(g, h)})
-        found_.parts[components.of_triangle[of / 3]].turn.add(
-            turn_across(of, other, components.is_turned[of / 3]));
-      lengths[parts].add(
-          norm(position(target(soup_.triangles, h)) - position(origin(soup_.triangles, h))));
+    for (const std::uint32_t t : points) ++found_.parts[components.of_triangle[t]].num_points;
+    for (const bool is_rib : {false, true}) {
+      std::map<std::pair<std::uint32_t, std::uint32_t>, CompensatedSum> lengths;
+      for (const auto& [h, g] : is_rib ? ribs_ : parted_) {
+        const auto parts =
+            std::minmax(components.of_triangle[h / 3], components.of_triangle[g / 3]);
+        if (parts.first == parts.second) continue;
+        for (const auto& [of, other] : {std::pair(h, g), std::pair(g, h)})
+          if (!is_rib)
+            found_.parts[components.of_triangle[of / 3]].turn.add(
+                turn_across(of, other, components.is_turned[of / 3]));
+        lengths[parts].add(length_of(h));
+      }
+      for (const auto& [parts, length] : lengths)
+        found_.borders.push_back({parts.first, parts.second, is_rib, length});
     }
-    for (const auto& [parts, length] : lengths)
-      found_.borders.push_back({parts.first, parts.second, length});
     return std::move(found_);
   }
 
@@ -100,7 +107,33 @@ class SheetsOfCell {
         continue;
       mates_[h] = mates_[g] = kNoHalfEdge;
       has_borders_ = true;
-      if (has_one_group && is_ours(h)) parted_.emplace_back(h, g);
+      if (!has_one_group) continue;
+      noted_.emplace_back(h, g);
+      if (is_ours(h)) parted_.emplace_back(h, g);
+    }
+  }
+
+  double length_of(std::uint32_t h) const {
+    return norm(position(target(soup_.triangles, h)) - position(origin(soup_.triangles, h)));
+  }
+
+  // Edges as short as strips are narrow, between two vertices at sharp edges. Whoever owns a vertex
+  // knows whether it is at one, and if it is not, the cell has the edge's triangles as one part;
+  // others leave that to it.
+  void part_ribs() {
+    std::vector<bool> is_at_edge(soup_.vertices.size());
+    for (const auto& [h, g] : noted_)
+      is_at_edge[origin(soup_.triangles, h)] = is_at_edge[target(soup_.triangles, h)] = true;
+    const auto is_free = [&](std::uint32_t v) {
+      return !is_at_edge[v] && TriangleBuckets::owns(box_, position(v));
+    };
+    for (std::uint32_t h = 0; h < mates_.size(); ++h) {
+      const std::uint32_t g = mates_[h];
+      if (g == kNoHalfEdge || g < h || length_of(h) > least_width_ ||
+          is_free(origin(soup_.triangles, h)) || is_free(target(soup_.triangles, h)))
+        continue;
+      mates_[h] = mates_[g] = kNoHalfEdge;
+      if (is_ours(h)) ribs_.emplace_back(h, g);
     }
   }
 
@@ -113,26 +146,36 @@ class SheetsOfCell {
     return rises != is_turned ? norm(q - p) : -norm(q - p);
   }
 
-  // By the sums of the triangles' angles where parts have a border.
-  void find_points(const Components& components) {
-    if (!has_borders_) return;
+  // A triangle of each: where borders meet at a vertex, by the sum of the angles between them.
+  std::vector<std::uint32_t> find_points() const {
+    std::vector<std::uint32_t> points;
+    if (!has_borders_) return points;
     std::vector<bool> is_at_border(soup_.vertices.size());
     for (std::uint32_t h = 0; h < mates_.size(); ++h)
       if (mates_[h] == kNoHalfEdge)
         for (const std::uint32_t v : {origin(soup_.triangles, h), target(soup_.triangles, h)})
           is_at_border[v] = TriangleBuckets::owns(box_, position(v));
-    std::map<std::pair<std::uint32_t, std::uint32_t>, double> angles;  // of a part, at a vertex
+    DisjointSets fans(mates_.size());  // of corners
+    for (std::uint32_t h = 0; h < mates_.size(); ++h) {
+      const std::uint32_t g = mates_[h];
+      if (g == kNoHalfEdge || g < h) continue;
+      for (const std::uint32_t corner : {h, next_half_edge(h)})
+        for (const std::uint32_t beyond : {g, next_half_edge(g)})
+          if (origin(soup_.triangles, corner) == origin(soup_.triangles, beyond))
+            fans.unite(corner, beyond);
+    }
+    std::map<std::size_t, double> angles;  // of fans
     for (std::uint32_t h = 0; h < mates_.size(); ++h) {
       const std::uint32_t v = origin(soup_.triangles, h);
       if (!is_at_border[v]) continue;
       const Point one = position(target(soup_.triangles, h)) - position(v),
                   other = position(apex(soup_.triangles, h)) - position(v);
-      angles[{components.of_triangle[h / 3], v}] +=
-          std::atan2(norm(cross(one, other)), dot(one, other));
+      angles[fans.find(h)] += std::atan2(norm(cross(one, other)), dot(one, other));
     }
     constexpr double kPointed = kPointedAngle * std::numbers::pi / 180;
-    for (const auto& [at, angle] : angles)
-      if (angle < kPointed) ++found_.parts[at.first].num_points;
+    for (const auto& [corner, angle] : angles)
+      if (angle < kPointed) points.push_back(static_cast<std::uint32_t>(corner / 3));
+    return points;
   }
 
   void take(std::uint32_t part, bool is_turned, Triangle& triangle) {
@@ -152,10 +195,12 @@ class SheetsOfCell {
   MortonKey cell_;
   Box box_;
   const TriangleBuckets& buckets_;
+  double least_width_;
   TriangleSoup soup_;
-  Mates mates_;  // but across edges that sheets end at
+  Mates mates_;  // but across edges that sheets end at, and in the end ribs
   bool has_borders_ = false;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> parted_;
+  // Sharp edges within a group, those of them that are the cell's own, and ribs that are.
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> noted_, parted_, ribs_;
   CellSheets found_;
 };
 
@@ -198,7 +243,7 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
       [&](const TriangleBucket& bucket, std::pair<std::vector<Triangle>, EdgeSet> loaded) {
         throw_if_stopped(watch.stop());
         return SheetsOfCell(std::move(loaded.first), bucket.cell, surface.buckets, angle, needles,
-                            loaded.second, surface.has_contacts)
+                            loaded.second, law.least_width, surface.has_contacts)
             .run();
       },
       [&](const TriangleBucket&, CellSheets& cell) {
@@ -210,8 +255,8 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
         }
         for (const auto& [id, part, is_turned, is_last] : cell.shared)
           joiner.join(id, first + part, is_turned, is_last);
-        for (const auto& [a, b, length] : cell.borders)
-          pieces.borders.push_back({first + a, first + b, length});
+        for (const auto& [a, b, is_rib, length] : cell.borders)
+          pieces.borders.push_back({first + a, first + b, is_rib, length});
         for (Triangle& triangle : cell.triangles) triangle.sheet += first;
         surface.buckets.replace(surface.spill, place++, cell.triangles);
         watch.advance(cell.triangles.size());
@@ -240,7 +285,7 @@ Numbered sheets_of_parts(CheckedSurface& surface, const SheetLaw& law, IngestWat
   for (const std::uint32_t number : numbers) {
     const std::uint32_t part = pieces.places[number];
     numbered.sheets.push_back(plan.of_part[part]);
-    if (!plan.whole_of_part.empty()) numbered.pieces.push_back({part, plan.whole_of_part[part]});
+    if (!plan.pieces.empty()) numbered.pieces.push_back(plan.pieces[part]);
   }
   return numbered;
 }

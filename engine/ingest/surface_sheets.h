@@ -20,8 +20,8 @@ inline constexpr std::uint64_t kMaxSharpEdges = 1'000'000;
 
 // From here on, load() gives triangles with their sheets. A surface that is one sheet and has no
 // name gives none; if nothing hints at others, it is not looked at.
-// Memory: 64 bytes a part of a sheet in a cell, 24 a border of two, and what a cell takes for each
-// thread. Throws std::system_error, Stopped.
+// Memory: 64 bytes a part of a sheet in a cell, 32 a border of two, as much for what parts join to,
+// and what a cell takes for each thread. Throws std::system_error, Stopped.
 SurfaceSheets number_sheets(CheckedSurface& surface, const SheetLaw& law, IngestWatch& watch,
                             Workers& workers, const IngestShare& share);
 

@@ -70,8 +70,8 @@ auto fields(Maybe<SheetPart> auto& part) {
                     Field("area", area), Field("num_points", num_points), Field("turn", turn));
 }
 auto fields(Maybe<SheetBorder> auto& border) {
-  auto& [a, b, length] = border;
-  return std::tuple(Field("a", a), Field("b", b), Field("length", length));
+  auto& [a, b, is_rib, length] = border;
+  return std::tuple(Field("a", a), Field("b", b), Field("is_rib", is_rib), Field("length", length));
 }
 auto fields(Maybe<SheetSums> auto& sums) {
   auto& [first_triangle, num_triangles, area, moment, box] = sums;

@@ -320,7 +320,8 @@ Polygons terraces(double least, double rise) {
   return block;
 }
 
-// Where a strip ends in a point; else both of its creases can be kept.
+// Where a strip ends in a point, or is narrower than points can be near each other; else both of
+// its creases can be kept.
 TEST(SurfaceCreases, AreNotOnBothSidesOfAStripThatEndsInAPoint) {
   const SurfaceFiles files;
   constexpr double kRise = 0.02;
@@ -331,7 +332,7 @@ TEST(SurfaceCreases, AreNotOnBothSidesOfAStripThatEndsInAPoint) {
       CompensatedSum length;
       for (const CreaseFacts& crease : found.sheets.creases) length.add(crease.length);
       EXPECT_EQ(found.sheets.creases.size(),
-                found.sheets.sheets.size() == 8 ? 17U + (least > 0) : 16U);
+                (found.sheets.sheets.size() == 8 ? 17U : 16U) + (least > 0));
       return std::pair(found.sheets.sheets.size(), length.value());
     };
     const double slant = std::hypot(4, kRise), width = 4 * kRise / (4 + slant + kRise);
@@ -345,6 +346,49 @@ TEST(SurfaceCreases, AreNotOnBothSidesOfAStripThatEndsInAPoint) {
     const auto [num_of_both, both] = creases(kRise, 2 * kRise);
     EXPECT_EQ(num_of_both, 8U);
     EXPECT_NEAR(both, 6 * 4 + 2 * (2 * 3 + 2 * (1 + kRise)), 1e-12);
+    // Narrower than the floor, which is a third of that width.
+    const auto [num_of_one, one] = creases(kRise, 4 * kRise);
+    EXPECT_EQ(num_of_one, 7U);
+    EXPECT_NEAR(one, both - 4, 1e-12);
+  }
+}
+
+// A block of two terraces, and the riser between them, a sheet that is wide where z is small, and
+// ends in a tongue: of `rise` at z = 5, and a point at z = 9.
+Polygons block_with_tongue(double rise) {
+  Polygons block;
+  for (const auto& [z, its] : {std::pair(0.0, 1.0), {1.0, 1.0}, {5.0, rise}, {9.0, 0.0}})
+    for (const Point& p :
+         {Point{0, 0, z}, {3, 0, z}, {3, 1, z}, {1.5, 1, z}, {1.5, 1 + its, z}, {0, 1 + its, z}})
+      block.vertices.push_back(p);
+  block.faces = {{5, 4, 3, 2, 1, 0}, {18, 19, 20, 21, 22, 23}};
+  for (std::uint32_t first : {0U, 6U, 12U})
+    for (std::uint32_t k = 0; k < 6; ++k) {
+      const std::uint32_t next = (k + 1) % 6;
+      block.faces.push_back({first + k, first + next, first + next + 6, first + k + 6});
+    }
+  return block;
+}
+
+TEST(SurfaceCreases, AreNotOnBothSidesOfATongue) {
+  const SurfaceFiles files;
+  constexpr double kRise = 0.02;
+  const double slope = std::hypot(4, 1 - kRise), slant = std::hypot(4, kRise);
+  for (const std::uint64_t capacity : {kBucketCapacity, std::uint64_t{4}}) {
+    const auto length = [&](double least_width) {
+      const Creased found = creases_in(files.write("block.off", to_off(block_with_tongue(kRise))),
+                                       {.bucket_capacity = capacity, .least_width = least_width});
+      EXPECT_EQ(found.sheets.sheets.size(), 8U);
+      CompensatedSum sum;
+      for (const CreaseFacts& crease : found.sheets.creases) sum.add(crease.length);
+      return sum.value();
+    };
+    // Where z is 0 and 9, where x is 0, and 3, and at the foot of the riser; and at its top.
+    const double others =
+        (3 + 1 + 1.5 + 1 + 1.5 + 2) + (3 + 1 + 3 + 1) + 9 + (1 + slope + slant) + 2 * 9 + 9;
+    EXPECT_NEAR(length(0), others + 1 + slope + slant, 1e-12);
+    EXPECT_NEAR(length(kRise / 2), others + 1 + slope + slant, 1e-12);
+    EXPECT_NEAR(length(2 * kRise), others + 1 + slope + kRise, 1e-12);
   }
 }
 

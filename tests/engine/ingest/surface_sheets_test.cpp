@@ -241,7 +241,7 @@ SheetPart part(std::uint64_t first, double area, SheetId group = 1) {
   return part;
 }
 SheetBorder border(std::uint32_t a, std::uint32_t b, double length) {
-  SheetBorder border{a, b, {}};
+  SheetBorder border{a, b, false, {}};
   border.length.add(length);
   return border;
 }
@@ -259,7 +259,44 @@ TEST(SheetPlan, SpecksBecomeOneWithTheLongestBorder) {
   EXPECT_EQ(plan.num_specks, 2U);
   EXPECT_EQ(plan.sheets[1].name, "wall");
   EXPECT_EQ(plan_sheets(parts, borders, groups, {}).sheets.size(), 5U);
-  EXPECT_TRUE(plan.whole_of_part.empty());
+  EXPECT_TRUE(plan.pieces.empty());
+}
+
+SheetBorder rib(std::uint32_t a, std::uint32_t b) {
+  SheetBorder rib{a, b, true, {}};
+  rib.length.add(0.01);
+  return rib;
+}
+
+// A wide part, and pieces of it that ribs part, beside another part.
+TEST(SheetPlan, WhatRibsPartIsOneButStripsAndTheRest) {
+  constexpr std::uint32_t kWide = 0, kBeside = 1, kEnd = 2, kTip = 3;
+  std::vector<SheetPart> parts = {part(0, 5), part(1, 5), part(2, 0.02), part(3, 0.01)};
+  const std::vector<SheetBorder> borders = {rib(kWide, kEnd), rib(kEnd, kTip),
+                                            border(kWide, kBeside, 9), border(kEnd, kBeside, 1),
+                                            border(kTip, kBeside, 1)};
+  const std::vector<std::string> groups = {"side"};
+  const SheetLaw law{.least_width = 0.06};
+  // Together both narrow ones turn as much one way as the other, and one has a point: they are a
+  // strip.
+  parts[kTip].num_points = 1;
+  parts[kEnd].turn.add(1);
+  parts[kTip].turn.add(-1);
+  SheetPlan plan = plan_sheets(parts, borders, groups, law);
+  EXPECT_EQ(plan.of_part, (std::vector<SheetId>{1, 2, 2, 2}));
+  EXPECT_EQ(plan.num_specks, 1U);
+  ASSERT_EQ(plan.pieces.size(), 4U);
+  EXPECT_EQ(plan.pieces[kEnd].part, plan.pieces[kTip].part);
+  EXPECT_TRUE(plan.pieces[kEnd].is_beside_strip(plan.pieces[kBeside]));
+  EXPECT_FALSE(plan.pieces[kEnd].is_beside_strip(plan.pieces[kWide]));
+  // What turns one way is no strip, however narrow, and what is not narrow is none.
+  parts[kTip].turn.add(2);
+  plan = plan_sheets(parts, borders, groups, law);
+  EXPECT_EQ(plan.of_part, (std::vector<SheetId>{1, 2, 1, 1}));
+  EXPECT_TRUE(plan.pieces.empty());
+  parts[kTip].turn.add(-2);
+  EXPECT_EQ(plan_sheets(parts, borders, groups, {.least_width = 0.01}).of_part, plan.of_part);
+  EXPECT_EQ(plan_sheets(parts, borders, groups, {}).of_part, plan.of_part);
 }
 
 TEST(SheetPlan, SaysWhenThereAreTooMany) {
