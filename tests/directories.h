@@ -1,5 +1,5 @@
-// Where tests find files. The paths are known to one source: all others are the same for a compiler
-// cache wherever a clone lies.
+// Where tests find files, and what they run in. One source knows: all others are the same for a
+// compiler cache wherever a clone lies, and under a sanitizer.
 #pragma once
 
 #include <filesystem>
@@ -11,5 +11,8 @@ std::filesystem::path models_directory();
 
 // Of this repository's tests.
 std::filesystem::path tests_directory();
+
+// Is the library built for a sanitizer? It has a heap of its own, many times that of the program.
+bool is_sanitized();
 
 }  // namespace locvol

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/shared/memory_budget.h"
+#include "tests/directories.h"
 #include "tests/file_bytes.h"
 #include "tests/skip_reasons.h"
 #include "tests/temp_dir.h"
@@ -18,13 +19,6 @@ namespace locvol {
 namespace {
 
 constexpr std::uint64_t kMiB = std::uint64_t{1} << 20;
-
-// A sanitizer's own memory is many times that of the program.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool is_sanitized = true;
-#else
-constexpr bool is_sanitized = false;
-#endif
 
 class MemoryCap : public testing::Test {
  protected:
@@ -53,7 +47,7 @@ TEST_F(MemoryCap, HasNoInfluenceOnTheMesh) {
 }
 
 TEST_F(MemoryCap, IsKept) {
-  if (is_sanitized) GTEST_SKIP() << kSanitized;
+  if (is_sanitized()) GTEST_SKIP() << kSanitized;
   ASSERT_NE(mesh_under("96M"), "") << result_.err;
   EXPECT_LT(result_.peak_bytes, 96 * kMiB);
   EXPECT_GT(result_.peak_bytes, 10 * kMiB);
@@ -65,14 +59,14 @@ TEST_F(MemoryCap, IsKeptByManyThreads) {
   ASSERT_NE(mesh, "") << result_.err;
   for (const std::string num_threads : {"8", "100"}) {
     EXPECT_TRUE(mesh_under("96M", 0, num_threads) == mesh) << num_threads << result_.err;
-    EXPECT_TRUE(is_sanitized || result_.peak_bytes < 96 * kMiB) << num_threads;
+    EXPECT_TRUE(is_sanitized() || result_.peak_bytes < 96 * kMiB) << num_threads;
   }
-  if (is_sanitized) return;
+  if (is_sanitized()) return;
   EXPECT_TRUE(mesh_under("96M", 96 * kMiB, "8") == mesh) << result_.err;
 }
 
 TEST_F(MemoryCap, HoldsAgainstTheKernelToo) {
-  if (is_sanitized) GTEST_SKIP() << kSanitized;
+  if (is_sanitized()) GTEST_SKIP() << kSanitized;
   const std::string mesh = mesh_under("96M");
   EXPECT_TRUE(mesh_under("96M", 96 * kMiB) == mesh) << result_.err;
   EXPECT_EQ(result_.exit_code, 0);
@@ -103,9 +97,9 @@ TEST_F(MemoryCap, HoldsWhereCreasesAreFineForTheSize) {
   out.close();
   result_ = run_locvol({"mesh", (dir_ / "teeth.off").string(), "-o", output(), "--size", "1",
                         "--memory", "96M", "--threads", "1", "--quiet"},
-                       is_sanitized ? 0 : 96 * kMiB);
+                       is_sanitized() ? 0 : 96 * kMiB);
   EXPECT_EQ(result_.exit_code, 0) << result_.err;
-  EXPECT_TRUE(is_sanitized || result_.peak_bytes < 96 * kMiB) << result_.peak_bytes;
+  EXPECT_TRUE(is_sanitized() || result_.peak_bytes < 96 * kMiB) << result_.peak_bytes;
 }
 
 TEST_F(MemoryCap, TooSmallIsRefusedAtOnceWithOneThatWorks) {

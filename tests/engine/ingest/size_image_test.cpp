@@ -18,6 +18,7 @@
 
 #include "engine/formats/deflate.h"
 #include "engine/shared/input_error.h"
+#include "tests/directories.h"
 #include "tests/stops_at.h"
 #include "tests/temp_dir.h"
 
@@ -361,11 +362,9 @@ class LittleMoreMemory {
     std::ifstream("/proc/self/statm") >> ignored >> ignored >> ignored >> ignored >> ignored >>
         pages;
     getrlimit(RLIMIT_DATA, &before_);
-    [[maybe_unused]] const rlimit limit{
-        pages * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE)) + (256U << 20), before_.rlim_max};
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-    setrlimit(RLIMIT_DATA, &limit);
-#endif
+    const rlimit limit{pages * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE)) + (256U << 20),
+                       before_.rlim_max};
+    if (!is_sanitized()) setrlimit(RLIMIT_DATA, &limit);
   }
   ~LittleMoreMemory() { setrlimit(RLIMIT_DATA, &before_); }
 

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "octree/stop.h"
+#include "tests/directories.h"
 #include "tests/skip_reasons.h"
 
 namespace locvol {
@@ -220,9 +221,7 @@ INSTANTIATE_TEST_SUITE_P(Threads, WorkersOf, testing::Values(1, 2, 3, 8));
 
 // A limit on the memory of the process, or on its threads, may leave none for others.
 TEST(Workers, DoWithoutThreadsThatTheSystemRefuses) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << kSanitized;
-#endif
+  if (is_sanitized()) GTEST_SKIP() << kSanitized;
   rlimit before{};
   ASSERT_EQ(getrlimit(RLIMIT_DATA, &before), 0);
   { const std::vector<char> freed(1 << 16); }  // some heap to make them in
