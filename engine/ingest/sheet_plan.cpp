@@ -33,7 +33,9 @@ class RibJoiner {
  public:
   RibJoiner(std::span<const SheetPart> pieces, std::span<const SheetBorder> borders,
             const SheetLaw& law)
-      : pieces_(pieces), borders_(borders), law_(law), sets_(pieces.size()) {}
+      : pieces_(pieces.begin(), pieces.end()), borders_(borders), law_(law), sets_(pieces.size()) {
+    for (SheetPart& piece : pieces_) piece.face_as_first();
+  }
 
   WholeParts run() && {
     // What is narrow hangs together, and so does all else; then there may be strips.
@@ -87,7 +89,7 @@ class RibJoiner {
     return whole;
   }
 
-  std::span<const SheetPart> pieces_;
+  std::vector<SheetPart> pieces_;
   std::span<const SheetBorder> borders_;
   const SheetLaw& law_;
   DisjointSets sets_;

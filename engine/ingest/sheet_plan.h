@@ -50,17 +50,26 @@ struct SheetPart {
   SheetId group = 1;
   CompensatedSum area;
   std::uint64_t num_points = 0;  // see kPointedAngle
-  // The length of its border where the surface turns to the side that it faces, less that where it
-  // turns away.
+  // The length of its sharp edges, seen from it, where the surface turns to the side that it faces,
+  // less that where it turns away. Those within it have two sides.
   CompensatedSum turn;
+  bool is_first_turned = false;  // the first triangle, against the way that the part faces
 
   void add(const SheetPart& other, bool is_turned) {
-    if (other.first_triangle < first_triangle) first_triangle = other.first_triangle;
+    if (other.first_triangle < first_triangle) {
+      first_triangle = other.first_triangle;
+      is_first_turned = other.is_first_turned != is_turned;
+    }
     area.add(other.area);
     num_points += other.num_points;
     CompensatedSum its_turn = other.turn;
     if (is_turned) its_turn.negate();
     turn.add(its_turn);
+  }
+  // Then it faces as its first triangle does, however it was put together.
+  void face_as_first() {
+    if (is_first_turned) turn.negate();
+    is_first_turned = false;
   }
 };
 

@@ -62,17 +62,16 @@ class SheetsOfCell {
     for (std::uint32_t t = 0; t < found_.triangles.size(); ++t)
       take(components.of_triangle[t], components.is_turned[t], found_.triangles[t]);
     for (const std::uint32_t t : points) ++found_.parts[components.of_triangle[t]].num_points;
+    for (const auto& [h, g] : parted_)
+      for (const auto& [of, other] : {std::pair(h, g), std::pair(g, h)})
+        found_.parts[components.of_triangle[of / 3]].turn.add(
+            turn_across(of, other, components.is_turned[of / 3]));
     for (const bool is_rib : {false, true}) {
       std::map<std::pair<std::uint32_t, std::uint32_t>, CompensatedSum> lengths;
       for (const auto& [h, g] : is_rib ? ribs_ : parted_) {
         const auto parts =
             std::minmax(components.of_triangle[h / 3], components.of_triangle[g / 3]);
-        if (parts.first == parts.second) continue;
-        for (const auto& [of, other] : {std::pair(h, g), std::pair(g, h)})
-          if (!is_rib)
-            found_.parts[components.of_triangle[of / 3]].turn.add(
-                turn_across(of, other, components.is_turned[of / 3]));
-        lengths[parts].add(length_of(h));
+        if (parts.first != parts.second) lengths[parts].add(length_of(h));
       }
       for (const auto& [parts, length] : lengths)
         found_.borders.push_back({parts.first, parts.second, is_rib, length});
@@ -181,6 +180,7 @@ class SheetsOfCell {
   void take(std::uint32_t part, bool is_turned, Triangle& triangle) {
     SheetPart sum;
     sum.first_triangle = triangle.id;
+    sum.is_first_turned = is_turned;
     if (owns_triangle(box_, triangle)) {
       const auto& [a, b, c] = triangle.corners;
       sum.area.add(0.5 * norm(cross(b - a, c - a)));

@@ -65,9 +65,10 @@ auto fields(Maybe<SurfaceCorner> auto& corner) {
   return std::tuple(Field("name", name), Field("position", position));
 }
 auto fields(Maybe<SheetPart> auto& part) {
-  auto& [first_triangle, group, area, num_points, turn] = part;
+  auto& [first_triangle, group, area, num_points, turn, is_first_turned] = part;
   return std::tuple(Field("first_triangle", first_triangle), Field("group", group),
-                    Field("area", area), Field("num_points", num_points), Field("turn", turn));
+                    Field("area", area), Field("num_points", num_points), Field("turn", turn),
+                    Field("is_first_turned", is_first_turned));
 }
 auto fields(Maybe<SheetBorder> auto& border) {
   auto& [a, b, is_rib, length] = border;

@@ -254,6 +254,31 @@ TEST(SurfaceCreases, AreTheSameForAnyCellsAndThreadsAndThoseOfAWalk) {
   }
 }
 
+// Rough balls have many narrow parts; some cells are a few triangles each.
+TEST(SurfaceCreases, AreTheSameForAnyCellsWhereThereAreStrips) {
+  const SurfaceFiles files;
+  Random random(12);
+  int num_with_strips = 0;
+  for (int trial = 0; trial < 6; ++trial) {
+    SCOPED_TRACE(trial);
+    Polygons shape = random_balls(random);
+    shuffle(shape, random);
+    const auto file = files.write("shape.off", to_off(shape));
+    CreaseTrial with{.sharp_angle = uniform(random, 5, 25)};
+    const Creased without = creases_in(file, with);
+    with.least_width = uniform(random, 0.1, 1);
+    const Creased found = creases_in(file, with);
+    num_with_strips += found.surface.creases != without.surface.creases;
+    for (const std::uint64_t capacity : {20, 300}) {
+      with.bucket_capacity = capacity;
+      const Creased other = creases_in(file, with);
+      EXPECT_EQ(other.surface, found.surface);
+      EXPECT_EQ(other.sheets, found.sheets);
+    }
+  }
+  EXPECT_GE(num_with_strips, 3);
+}
+
 TEST(SurfaceCreases, ABoxHasTwelveAndEightCorners) {
   const SurfaceFiles files;
   const Creased found =
