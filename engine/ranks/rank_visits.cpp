@@ -14,14 +14,9 @@
 
 namespace locvol {
 
-// A leaf that waits, and how far from it others must have other colors.
-struct WaitingLeaf {
-  MortonKey leaf;
-  double conflict_distance = 0;
-};
-auto fields(Maybe<WaitingLeaf> auto& waiting) {
-  auto& [leaf, conflict_distance] = waiting;
-  return std::tuple(Field("leaf", leaf), Field("conflict_distance", conflict_distance));
+auto fields(Maybe<LeafToColor> auto& waiting) {
+  auto& [leaf, distance, weight] = waiting;
+  return std::tuple(Field("leaf", leaf), Field("distance", distance), Field("weight", weight));
 }
 
 // Where a rank stands between two supersteps.
@@ -95,17 +90,15 @@ RankVisits::Next RankVisits::next() {
 }
 
 void RankVisits::open_epoch(std::uint32_t epoch, const LeafVisits& visits) {
-  std::vector<WaitingLeaf> own;
+  std::vector<LeafToColor> own;
   for (const MortonKey leaf : state_.queue().own_waiting(epoch))
-    own.push_back({leaf, visits.conflict_distance(leaf)});
-  std::vector<MortonKey> leaves;  // in Morton order, as the ranks have them
-  std::vector<double> distances;
-  for (const auto& [leaf, distance] : gather_all(exchange_, own)) {
-    leaves.push_back(leaf);
-    distances.push_back(distance);
-  }
+    own.push_back({leaf, visits.conflict_distance(leaf),
+                   state_.is_uniform() ? 0 : weight_of_visit(state_.leaves().info(leaf))});
+  const std::vector<LeafToColor> all = gather_all(exchange_, own);  // in Morton order
+  std::vector<MortonKey> leaves;
+  for (const LeafToColor& of_rank : all) leaves.push_back(of_rank.leaf);
   const LinearOctree octree = LinearOctree::coarsest_with(leaves);
-  state_.queue().open_epoch(epoch, leaves, color_leaves(octree, state_.frame(), leaves, distances));
+  state_.queue().open_epoch(epoch, leaves, color_leaves(octree, state_.frame(), all));
 }
 
 void share_cells(RunState& state, Exchange& exchange) {

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cassert>
+#include <functional>
+#include <limits>
+#include <numeric>
 
 namespace locvol {
 namespace {
@@ -43,27 +46,32 @@ std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame&
 }
 
 std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame& frame,
-                                        std::span<const MortonKey> leaves,
-                                        std::span<const double> distances, const StopToken* stop) {
-  assert(std::ranges::is_sorted(leaves) && leaves.size() == distances.size());
+                                        std::span<const LeafToColor> leaves,
+                                        const StopToken* stop) {
+  assert(std::ranges::is_sorted(leaves, {}, &LeafToColor::leaf));
   std::vector<std::vector<std::uint32_t>> near(leaves.size());  // of the others of each, by place
   for (std::uint32_t i = 0; i < leaves.size(); ++i) {
     throw_if_stopped(stop);
-    for (const MortonKey other : octree.leaves_within(frame, frame.box(leaves[i]), distances[i])) {
-      const auto place = std::ranges::lower_bound(leaves, other);
-      if (place == leaves.end() || *place != other || other == leaves[i]) continue;
+    const MortonKey leaf = leaves[i].leaf;
+    for (const MortonKey other : octree.leaves_within(frame, frame.box(leaf), leaves[i].distance)) {
+      const auto place = std::ranges::lower_bound(leaves, other, {}, &LeafToColor::leaf);
+      if (place == leaves.end() || place->leaf != other || other == leaf) continue;
       const auto k = static_cast<std::uint32_t>(place - leaves.begin());
       near[i].push_back(k);
       near[k].push_back(i);
     }
   }
-  std::vector<std::uint32_t> colors, used;
-  colors.reserve(leaves.size());
-  for (std::uint32_t i = 0; i < leaves.size(); ++i) {
+  std::vector<std::uint32_t> order(leaves.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::ranges::stable_sort(order, std::greater(),
+                           [&](std::uint32_t i) { return leaves[i].weight; });
+  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> colors(leaves.size(), kNone), used;
+  for (const std::uint32_t i : order) {
     used.clear();
     for (const std::uint32_t k : near[i])
-      if (k < i) used.push_back(colors[k]);
-    colors.push_back(smallest_free(used));
+      if (colors[k] != kNone) used.push_back(colors[k]);
+    colors[i] = smallest_free(used);
   }
   return colors;
 }

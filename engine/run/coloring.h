@@ -20,11 +20,18 @@ std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame&
                                         std::span<const MortonKey> leaves, double distance,
                                         const StopToken* stop = nullptr);
 
-// The same with a distance for each of the leaves: two of them have different colors if they are at
-// most the larger of their distances apart.
+// A leaf that waits for the epoch.
+struct LeafToColor {
+  MortonKey leaf;
+  double distance = 0;       // from which on others are independent of it; < 0: all are
+  std::uint64_t weight = 0;  // how long its visit will take, over that of others
+};
+
+// The same where these differ: two leaves have different colors if they are at most the larger of
+// their distances apart. Greedily in order of falling weight, in Morton order where that is the
+// same: so visits that take long share a color, and fewer threads wait at its end.
 std::vector<std::uint32_t> color_leaves(const LinearOctree& octree, const Frame& frame,
-                                        std::span<const MortonKey> leaves,
-                                        std::span<const double> distances,
+                                        std::span<const LeafToColor> leaves,
                                         const StopToken* stop = nullptr);
 
 }  // namespace locvol

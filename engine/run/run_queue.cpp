@@ -9,6 +9,12 @@
 #include "engine/shared/leaf_name.h"
 
 namespace locvol {
+
+// Visits that come later look at a few of the points.
+std::uint64_t weight_of_visit(const LeafInfo& info) {
+  return info.num_visits == 0 ? info.num_points : 0;
+}
+
 namespace {
 
 std::vector<std::uint32_t> colors_of(const RunView& run, const std::vector<MortonKey>& its_leaves,
@@ -20,10 +26,11 @@ std::vector<std::uint32_t> colors_of(const RunView& run, const std::vector<Morto
   }
   if (run.is_uniform())
     return color_leaves(run.octree(), run.frame(), its_leaves, distance(its_leaves.front()), stop);
-  std::vector<double> distances;
-  distances.reserve(its_leaves.size());
-  for (const MortonKey leaf : its_leaves) distances.push_back(distance(leaf));
-  return color_leaves(run.octree(), run.frame(), its_leaves, distances, stop);
+  std::vector<LeafToColor> leaves;
+  leaves.reserve(its_leaves.size());
+  for (const MortonKey leaf : its_leaves)
+    leaves.push_back({leaf, distance(leaf), weight_of_visit(run.leaves().info(leaf))});
+  return color_leaves(run.octree(), run.frame(), leaves, stop);
 }
 
 }  // namespace

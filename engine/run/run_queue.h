@@ -16,6 +16,9 @@ namespace locvol {
 // Leaves no farther from a leaf than this must have other colors; below 0: none.
 using ConflictDistance = std::function<double(MortonKey leaf)>;
 
+// How long the leaf's next visit will take, over that of others, as far as is known.
+std::uint64_t weight_of_visit(const LeafInfo& info);
+
 class RunQueue : RunView {
  public:
   explicit RunQueue(RunData& data);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <random>
+#include <tuple>
 
 namespace locvol {
 namespace {
@@ -48,6 +49,42 @@ TEST(Coloring, IsGreedyInMortonOrderAgainstAllPairs) {
       EXPECT_EQ(colors[i], smallest) << "leaf " << i;
     }
   }
+}
+
+TEST(Coloring, IsGreedyByWeightAgainstAllPairs) {
+  const std::uint64_t seed = std::random_device{}();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 random(seed);
+  for (int round = 0; round < 20; ++round) {
+    const Frame frame({-3, 1, 2}, 0.25);
+    const LinearOctree octree = random_octree(random, 40);
+    std::vector<LeafToColor> leaves;
+    for (const MortonKey leaf : random_subset(random, octree.leaves()))
+      leaves.push_back({leaf, frame.side(static_cast<int>(random() % 6)) * 0.9, random() % 5});
+    const auto colors = color_leaves(octree, frame, leaves);
+    ASSERT_EQ(colors.size(), leaves.size());
+    for (std::size_t i = 0; i < leaves.size(); ++i) {
+      std::vector<bool> is_used(leaves.size() + 1);
+      for (std::size_t j = 0; j < leaves.size(); ++j) {
+        const auto& [a, b] = std::tie(leaves[i], leaves[j]);
+        const bool is_before = b.weight > a.weight || (b.weight == a.weight && j < i);
+        if (is_before && are_close(frame, a.leaf, b.leaf, std::max(a.distance, b.distance)))
+          is_used[colors[j]] = true;
+      }
+      const auto smallest = std::ranges::find(is_used, false) - is_used.begin();
+      EXPECT_EQ(colors[i], smallest) << "leaf " << i;
+    }
+  }
+}
+
+TEST(Coloring, GivesHeavyLeavesOneColor) {
+  const Frame frame({0, 0, 0}, 1);
+  const LinearOctree octree = LinearOctree::uniform(3);
+  std::vector<LeafToColor> leaves;  // of eight that meet the last is heavy, none beside another
+  for (const MortonKey leaf : octree.leaves())
+    leaves.push_back({leaf, 0.1 * frame.side(3), leaf.octant() == 7 ? 9U : 1U});
+  const auto colors = color_leaves(octree, frame, leaves);
+  for (std::size_t i = 0; i < leaves.size(); ++i) EXPECT_EQ(colors[i] == 0, leaves[i].weight == 9);
 }
 
 TEST(Coloring, NeedsEightColorsForLeavesAsWideAsTheDistance) {
