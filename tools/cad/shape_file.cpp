@@ -14,6 +14,7 @@
 #include <Precision.hxx>
 #include <Quantity_Color.hxx>
 #include <STEPCAFControl_Reader.hxx>
+#include <StepRepr_NextAssemblyUsageOccurrence.hxx>
 #include <StepRepr_RepresentationItem.hxx>
 #include <TColStd_SequenceOfAsciiString.hxx>
 #include <TCollection_HAsciiString.hxx>
@@ -37,6 +38,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
 #include <sstream>
 #include <string_view>
 
@@ -92,11 +94,13 @@ class PartCollector {
     BRep_Builder().MakeCompound(loose_);
   }
 
-  void add_part(const TopoDS_Shape& placed, const std::string& name, const CadColor& color) {
+  // `above`: of what it is a part of.
+  void add_part(const TopoDS_Shape& placed, const std::string& name, const std::string& above,
+                const CadColor& color) {
     const TopoDS_Shape shape = placed.Located(TopLoc_Location());
     Part part{{}, placed.Location().Transformation()};
     const auto add = [&](const TopoDS_Shape& body) {
-      Body added{body, name, color};
+      Body added{body, name.empty() ? above : name, color};
       const void* key = body.TShape().get();
       if (const auto own = file_.names.find(key); own != file_.names.end())
         added.name = own->second;
@@ -217,37 +221,44 @@ class PartCollector {
 
 class DocumentReader {
  public:
-  DocumentReader(const Handle(TDocStd_Document) & document, PartCollector& parts, ShapeFile& file)
+  // `no_names`: what else stands in the document for a name, and is none.
+  DocumentReader(const Handle(TDocStd_Document) & document, PartCollector& parts, ShapeFile& file,
+                 std::set<std::string> no_names = {})
       : shapes_(XCAFDoc_DocumentTool::ShapeTool(document->Main())),
         colors_(XCAFDoc_DocumentTool::ColorTool(document->Main())),
         parts_(parts),
-        file_(file) {}
+        file_(file),
+        no_names_(std::move(no_names)) {}
 
   void run() {
     TDF_LabelSequence labels;
     shapes_->GetFreeShapes(labels);
-    for (int i = 1; i <= labels.Length(); ++i) visit(labels.Value(i), TopLoc_Location(), {}, {});
+    for (int i = 1; i <= labels.Length(); ++i)
+      visit(labels.Value(i), TopLoc_Location(), {}, {}, {});
   }
 
  private:
+  // `name`: of the instance of it; `above`: of what that is in.
   void visit(const TDF_Label& label, const TopLoc_Location& place, std::string name,
-             CadColor color) {
-    if (const std::string own = name_of(label); !own.empty()) name = own;
+             const std::string& above, CadColor color) {
+    if (const std::string own = name_of(label); !own.empty() && !no_names_.contains(own))
+      name = own;
     if (const CadColor own = color_at(label); own.is_given) color = own;
     TDF_Label referred;
     if (XCAFDoc_ShapeTool::IsReference(label) &&
         XCAFDoc_ShapeTool::GetReferredShape(label, referred))
-      return visit(referred, place * XCAFDoc_ShapeTool::GetLocation(label), name, color);
+      return visit(referred, place * XCAFDoc_ShapeTool::GetLocation(label), name, above, color);
     if (XCAFDoc_ShapeTool::IsAssembly(label)) {
       TDF_LabelSequence components;
       XCAFDoc_ShapeTool::GetComponents(label, components);
-      for (int i = 1; i <= components.Length(); ++i) visit(components.Value(i), place, name, color);
+      for (int i = 1; i <= components.Length(); ++i)
+        visit(components.Value(i), place, {}, name.empty() ? above : name, color);
       return;
     }
     const TopoDS_Shape shape = XCAFDoc_ShapeTool::GetShape(label);
     if (shape.IsNull()) return;
     take_subshapes(label);
-    parts_.add_part(shape.Located(place * shape.Location()), name, color);
+    parts_.add_part(shape.Located(place * shape.Location()), name, above, color);
   }
 
   void take_subshapes(const TDF_Label& label) {
@@ -272,6 +283,7 @@ class DocumentReader {
   Handle(XCAFDoc_ColorTool) colors_;
   PartCollector& parts_;
   ShapeFile& file_;
+  std::set<std::string> no_names_;
 };
 
 Handle(TDocStd_Document) new_document() {
@@ -348,6 +360,18 @@ void take_unit(STEPControl_Reader& reader, ShapeFile& file, Sink& sink) {
                 ": it is cut off, or damaged; fetch or export it again");
 }
 
+// Instances of parts, where they have no name, are given their numbers in the file for one.
+std::set<std::string> numbers_of_nameless(const Handle(Interface_InterfaceModel) & model) {
+  std::set<std::string> numbers;
+  for (int i = 1; i <= model->NbEntities(); ++i) {
+    const auto instance = Handle(StepRepr_NextAssemblyUsageOccurrence)::DownCast(model->Value(i));
+    if (instance.IsNull() || instance->Id().IsNull()) continue;
+    if (instance->Name().IsNull() || real_name(instance->Name()->ToCString()).empty())
+      numbers.insert(real_name(instance->Id()->ToCString()));
+  }
+  return numbers;
+}
+
 void read_step(const std::string& path, ShapeFile& file, PartCollector& parts, Sink& sink) {
   const KeptMessages messages;
   STEPCAFControl_Reader reader;
@@ -365,7 +389,7 @@ void read_step(const std::string& path, ShapeFile& file, PartCollector& parts, S
     return item.IsNull() || item->Name().IsNull() ? std::string()
                                                   : real_name(item->Name()->ToCString());
   });
-  DocumentReader(document, parts, file).run();
+  DocumentReader(document, parts, file, numbers_of_nameless(reader.Reader().Model())).run();
   document->Close();
 }
 
@@ -404,7 +428,7 @@ void read_brep(const std::string& path, PartCollector& parts) {
   TopoDS_Shape shape;
   BRepTools::Read(shape, path.c_str(), BRep_Builder());
   if (shape.IsNull()) refuse_unread("BREP", messages);
-  parts.add_part(shape, {}, {});
+  parts.add_part(shape, {}, {}, {});
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include <gp_Vec.hxx>
 #include <map>
 #include <random>
+#include <regex>
 #include <set>
 #include <string>
 #include <vector>
@@ -184,6 +185,31 @@ TEST_F(Cad, BodiesHaveTheNamesOfTheFile) {
   ASSERT_EQ(survey.sheets.bodies.size(), 2U);
   EXPECT_EQ(survey.sheets.bodies[0].name, "base");
   EXPECT_EQ(survey.sheets.bodies[1].name, "post");
+}
+
+// The file tells where parts are by instances of them, which have a number, and here no name.
+TEST_F(Cad, ANumberOfAnInstanceIsNoName) {
+  CadShape shape = cad_shape("contact");
+  shape.is_assembly = true;
+  const std::filesystem::path file = step(shape);
+  std::string text = std::regex_replace(
+      bytes_of(file), std::regex(R"((NEXT_ASSEMBLY_USAGE_OCCURRENCE\('[^']*',)'[^']*')"), "$1''");
+  std::ofstream(file) << text;
+  const SurveyedSurface nameless = surveyed(file);
+  ASSERT_EQ(nameless.sheets.bodies.size(), 2U);
+  for (const BodyFacts& body : nameless.sheets.bodies)
+    EXPECT_TRUE(body.name.starts_with("contact")) << body.name;  // of what they are in
+
+  for (const char* name : {"solid A", "solid B"}) {
+    const std::string before = "MANIFOLD_SOLID_BREP(''";
+    text.replace(text.find(before), before.size(),
+                 "MANIFOLD_SOLID_BREP('" + std::string(name) + "'");
+  }
+  std::ofstream(file) << text;
+  const SurveyedSurface named = surveyed(file);
+  ASSERT_EQ(named.sheets.bodies.size(), 2U);
+  EXPECT_EQ(named.sheets.bodies[0].name, "solid A");
+  EXPECT_EQ(named.sheets.bodies[1].name, "solid B");
 }
 
 TEST_F(Cad, CoordinatesAreInTheUnitOfTheFile) {
