@@ -24,6 +24,7 @@
 #include "refine/domain/cut_triangle.h"
 #include "refine/domain/leaf_domain.h"
 #include "refine/winding/rim_ears.h"
+#include "refine/winding/unfold_patch.h"
 
 namespace locvol {
 namespace {
@@ -618,6 +619,22 @@ std::vector<bool> islands_of(const Chain& chain, double most, std::size_t few) {
   return islands;
 }
 
+// Of what ears have left of holes: a level has no room in them, and would stand in folds there.
+// Their width is twice their area over the length of their rim.
+void fill_narrow_holes(Chain& kept, double spacing) {
+  constexpr double kNarrow = 2;  // spacings
+  const std::vector<OpenEdge> open = open_edges(kept);
+  fill_loops(kept, open, kWide * spacing,
+             [&](std::span<const Point> points, std::span<const Face> filling) {
+               double area = 0, length = 0;
+               for (const auto& [a, b, c] : filling)
+                 area += 0.5 * norm(cross(points[b] - points[a], points[c] - points[a]));
+               for (std::size_t i = 0; i < points.size(); ++i)
+                 length += norm(points[(i + 1) % points.size()] - points[i]);
+               return filling.empty() || 2 * area > kNarrow * spacing * length;
+             });
+}
+
 void add_area(const Chain& chain, std::size_t first, PatchCounts& counts) {
   for (std::size_t t = first; t < chain.triangles.size(); ++t)
     counts.area += 0.5 * norm(chain.normal_of(chain.triangles[t]));
@@ -682,7 +699,10 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
     const WindingNumber number(kept);
     return fill_holes(kept, number.open(), spacing, [&](const Point& p) { return number.at(p); });
   }();
-  if (has_left) close_notches(kept);
+  if (has_left) {
+    close_notches(kept);
+    fill_narrow_holes(kept, spacing);
+  }
   add_area(kept, first_filling, counts);
   halve_open_edges(kept, spacing);
   const std::size_t first = kept.triangles.size();
@@ -697,6 +717,7 @@ PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop) {
   fill_all_loops(kept);
   give_groups(kept, first, group);
   for (std::size_t t = first; t < kept.triangles.size(); ++t) kept.triangles[t].group |= kOverHole;
+  unfold_patch(kept);
   add_area(kept, first, counts);
   return counts;
 }

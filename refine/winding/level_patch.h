@@ -23,9 +23,10 @@ struct PatchCounts {
 //   - Pieces that are narrower than three times the spacing, and bound nothing, go.
 //   - A hole is filled by triangles without new vertices if it is as narrow; a wider one if they
 //     lie where the winding number is nearly 1/2.
-//   - The others lose the teeth of their rims (rim_ears.h). Over them goes the level 1/2, on a grid
-//     of that spacing (by marching tetrahedra). Open edges are halved to the spacing, and what is
-//     left between grid and edges is filled.
+//   - The others lose the teeth of their rims (rim_ears.h). What is then narrower than twice the
+//     spacing is filled likewise. Over the rest goes the level 1/2, on a grid of that spacing (by
+//     marching tetrahedra). Open edges are halved to the spacing, and what is left between grid and
+//     edges is filled, and unfolded (unfold_patch.h).
 // Afterwards the chain is closed. Throws Stopped.
 PatchCounts close_by_level(Chain& kept, double spacing, const StopToken* stop);
 

@@ -17,6 +17,7 @@
 #include "refine/winding/holes_alone.h"
 #include "refine/winding/inside_surface.h"
 #include "refine/winding/rim_ears.h"
+#include "refine/winding/unfold_patch.h"
 #include "refine/winding/winding_number.h"
 
 namespace locvol {
@@ -440,6 +441,61 @@ TEST(CloseNotches, GoOnAlongTheSurface) {
     });
   }
   EXPECT_GT(num_all, 100U);
+}
+
+// A cone over an arrowhead, whose lid has the diagonal outside of it: one half is folded back.
+Chain cone_with_folded_lid() {
+  Chain chain;
+  chain.vertices = {{0, 0, 0}, {4, 0, 0}, {1, 1, 0}, {0, 4, 0}, {1, 1, -5}};
+  chain.triangles = {{{1, 0, 4}, 1, 7},
+                     {{2, 1, 4}, 1, 7},
+                     {{3, 2, 4}, 1, 7},
+                     {{0, 3, 4}, 1, 7},
+                     {{0, 1, 3}, 1, 7 | kOverHole},
+                     {{1, 2, 3}, 1, 7 | kOverHole}};
+  return chain;
+}
+
+TEST(UnfoldPatch, TurnsTheEdgeOfAFold) {
+  Chain cone = cone_with_folded_lid();
+  ASSERT_TRUE(open_edges(cone).empty());
+  ASSERT_LT(cone.normal_of(cone.triangles[5]).z, 0);
+  EXPECT_EQ(unfold_patch(cone), 1U);
+  EXPECT_TRUE(open_edges(cone).empty());
+  for (const std::size_t t : {4U, 5U}) EXPECT_GT(cone.normal_of(cone.triangles[t]).z, 0);
+  EXPECT_EQ(unfold_patch(cone), 0U);
+}
+
+TEST(UnfoldPatch, LeavesWhatWasThere) {
+  Chain cone = cone_with_folded_lid();
+  cone.triangles[5].group = 7;
+  EXPECT_EQ(unfold_patch(cone), 0U);
+  Chain lid = cone_with_folded_lid();  // with two other corners that have an edge already
+  lid.triangles.push_back({{0, 2, 4}, 1, 7});
+  EXPECT_EQ(unfold_patch(lid), 0U);
+}
+
+// Of balls that lack triangles at random, filled by fans: what is closed stays so.
+TEST(UnfoldPatch, KeepsWhatIsClosed) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  std::mt19937_64 random(seed);
+  std::size_t num_turned = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    Chain chain = chain_of(ball(2));
+    for (Point& p : chain.vertices)
+      if (p.z > 0.3) p = (0.5 + 0.001 * static_cast<double>(random() % 1000)) * p;
+    for (ChainTriangle& t : chain.triangles)
+      if (chain.vertices[t.corners[0]].z > 0) t.group |= kOverHole;
+    const std::size_t num_triangles = chain.triangles.size();
+    num_turned += unfold_patch(chain);
+    EXPECT_EQ(chain.triangles.size(), num_triangles);
+    for_each_edge(edges_of(chain), [&](std::span<const ChainEdge> uses) {
+      ASSERT_EQ(uses.size(), 2U);
+      EXPECT_NE(uses[0].is_upward, uses[1].is_upward);
+    });
+  }
+  EXPECT_GT(num_turned, 0U);
 }
 
 // Wide, but not so far from the level that it has to be followed.
