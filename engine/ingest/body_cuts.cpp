@@ -189,11 +189,19 @@ struct MetTriangle {
     return std::nullopt;
   }
 
-  // The smallest new vertex.
-  std::optional<Point> place(const TrianglePieces& pieces) const {
+  // The smallest new vertex that is on the other body, but for a distance.
+  std::optional<Point> place(const TrianglePieces& pieces, std::uint32_t other,
+                             double distance) const {
+    const auto is_on_other = [&](const Point& p) {
+      for (std::size_t i = 0; i < cutters.size(); ++i)
+        if (bodies[i] == other &&
+            squared_distance(p, closest_on_triangle(cutters[i], p)) <= distance * distance)
+          return true;
+      return false;
+    };
     std::optional<Point> place;
     for_each_new_vertex(pieces, [&](const Point& p) {
-      if (!place || p < *place) place = p;
+      if ((!place || p < *place) && is_on_other(p)) place = p;
     });
     return place;
   }
@@ -349,7 +357,8 @@ class BodyCutter {
     for (const std::uint32_t other : others) {
       Meeting& meeting = result_.meetings[{std::min(met.body, other), std::max(met.body, other)}];
       ++meeting.num_cut[met.body < other ? 0 : 1];
-      if (!meeting.place) meeting.place = met.place(pieces);
+      if (!meeting.place)
+        meeting.place = met.place(pieces, other, std::max(near_.distance, least_width_));
     }
   }
 

@@ -36,7 +36,7 @@ struct MeetingBodies {
 };
 struct Meeting {
   std::array<std::uint64_t, 2> num_cut{};  // triangles of each
-  std::optional<Point> place;              // a new vertex of the first of these
+  std::optional<Point> place;              // a new vertex of the first that has one on both
 };
 
 // Why a triangle cannot be cut.

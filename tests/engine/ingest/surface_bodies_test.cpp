@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -454,6 +455,34 @@ TEST_F(SurfaceBodies, OverlapInWhatTwoTurnedBoxesHaveInCommon) {
     EXPECT_EQ(found.triangles, numbered(inputs, 12).triangles);
   }
   EXPECT_GT(num_overlapping, 25);
+}
+
+// Pins stand on a plate of two triangles a face: each of these meets all of them.
+TEST_F(SurfaceBodies, TheNoteOfAPairTellsAPlaceOfBoth) {
+  const auto as_it_is = [](const Point& p) { return p; };
+  const Block plate{.low = {0, 0, 0}, .high = {30, 30, 1}};
+  std::vector<Block> pins;
+  for (const auto& [x, y] : {std::pair(3, 1), {20, 4}, {9, 25}, {28, 28}})
+    pins.push_back({.low = {x, y, 1}, .high = {x + 1, y + 1, 3}});
+  std::vector inputs{files_.write("plate.off", plain_off(plate, as_it_is))};
+  for (std::size_t n = 0; n < pins.size(); ++n)
+    inputs.push_back(files_.write(fmt::format("pin{}.off", n), plain_off(pins[n], as_it_is)));
+  const Numbered found = numbered(inputs, 50'000);
+  for (std::size_t n = 0; n < pins.size(); ++n) {
+    const std::string begin = fmt::format("plate and pin{} cross, or lie on each other", n);
+    const auto note = std::ranges::find_if(
+        found.facts.notes, [&](const std::string& text) { return text.starts_with(begin); });
+    ASSERT_NE(note, found.facts.notes.end()) << begin;
+    const auto place = note->find("the first at (");
+    ASSERT_NE(place, note->npos) << *note;
+    Point p;
+    ASSERT_EQ(std::sscanf(note->c_str() + place, "the first at (%lf, %lf, %lf)", &p.x, &p.y, &p.z),
+              3);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      EXPECT_GE(p[int(axis)], pins[n].low[axis]) << *note;
+      EXPECT_LE(p[int(axis)], pins[n].high[axis]) << *note;
+    }
+  }
 }
 
 TEST_F(SurfaceBodies, ThatAreTooManyForATriangleAreRefused) {
