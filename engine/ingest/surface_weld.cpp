@@ -435,6 +435,12 @@ std::optional<double> EdgeLengths::next_distance(double above, double least, dou
   return between(std::numeric_limits<double>::infinity());
 }
 
+double EdgeLengths::shortest_above(double least) const {
+  for (const auto& [place, range] : ranges_)
+    if (range.first > least) return range.first;
+  return std::numeric_limits<double>::infinity();
+}
+
 EdgeLengths edge_lengths(const TriangleSpill& spill, const TriangleBuckets& buckets,
                          WeldPoints points, IngestWatch& watch, Workers& workers) {
   EdgeLengths all;

@@ -41,6 +41,8 @@ class EdgeLengths {
   // it; of distances between the same edges the largest. At most `most`. So an edge either goes, or
   // is ten times as long as what its ends may be joined with.
   std::optional<double> next_distance(double above, double least, double most) const;
+  // Of the edges that are longer than `least`; infinite: there is none.
+  double shortest_above(double least) const;
 
  private:
   // The shortest and the longest length in each quarter of an octave, by exponent and two bits.

@@ -73,24 +73,37 @@ std::optional<WeldedSurface> WeldTrials::closed_surface() {
 // As --weld with that length will do it. If none does, what the largest that joins points leaves.
 std::string WeldTrials::cure() {
   const EdgeLengths lengths = edge_lengths(spill_, buckets_, WeldPoints::kAll, watch_, workers_);
+  const double least = kLeastEdge * extent_, most = kMostTried * extent_;
   std::string in_vain;
   double distance = 0;
-  while (const auto next =
-             lengths.next_distance(distance, kLeastEdge * extent_, kMostTried * extent_)) {
+  while (const auto next = lengths.next_distance(distance, least, most)) {
     distance = *next;
-    auto tried = trial(distance, WeldPoints::kAll, CheckScope::kAll);
-    if (!tried) continue;
-    if (!tried->flaw.empty()) {
-      if (distance > kMostJoined * extent_)
-        in_vain = fmt::format("joining all that are closer than {} (--weld) {}", rounded(distance),
-                              tried->flaw);
-      continue;
-    }
+    if (const std::string length = length_that_closes(distance, in_vain); !length.empty())
+      return length;
+  }
+  // Edges are longer, so that both of their ends go into one point only by way of others.
+  constexpr double kOfShortest = 0.5;
+  const double last = kOfShortest * lengths.shortest_above(least);
+  std::string also_in_vain;
+  const bool is_new = distance < last && last <= most;
+  const std::string length = is_new ? length_that_closes(last, also_in_vain) : std::string();
+  return length.empty() ? in_vain : length;
+}
+
+// What is to be told of it; empty: it does not, and `in_vain` says why, if it joins points that
+// are not joined unasked.
+std::string WeldTrials::length_that_closes(double distance, std::string& in_vain) {
+  auto tried = trial(distance, WeldPoints::kAll, CheckScope::kAll);
+  if (!tried) return {};
+  if (tried->flaw.empty()) {
     spill_.release(std::move(tried->surface.triangles));
     // Groups as wide as the widest at most hang together by such steps, and no others do.
     return "--weld " + length_between(tried->surface.width, distance) + " would close it";
   }
-  return in_vain;
+  if (distance > kMostJoined * extent_)
+    in_vain = fmt::format("joining all that are closer than {} (--weld) {}", rounded(distance),
+                          tried->flaw);
+  return {};
 }
 
 // Nothing: no points are to be joined.

@@ -45,6 +45,7 @@ class WeldTrials {
     std::string flaw;
   };
   std::optional<Trial> trial(double distance, WeldPoints points, CheckScope scope);
+  std::string length_that_closes(double distance, std::string& in_vain);
   std::string flaw_of(WeldedSurface& surface, CheckScope scope);
 
   TriangleSpill& spill_;

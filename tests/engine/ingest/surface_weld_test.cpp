@@ -497,6 +497,25 @@ TEST_F(SurfaceWeld, TheDistanceThatTheMessageNamesClosesIt) {
   }
 }
 
+// Corners of one vertex are farther apart than a tenth of the shortest edges.
+TEST_F(SurfaceWeld, ALengthBelowTheEdgesIsNamedWhereATenthDoesNotClose) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(testing::Message() << "seed " << seed);
+  Random random(seed);
+  Polygons bar = cube();
+  for (Point& p : bar.vertices) p = {p.x, 0.015 * p.y, 0.015 * p.z};
+  for (int trial = 0; trial < 20; ++trial) {
+    const Polygons loose = jittered(bar, 0.0015, random);
+    const std::string message = refusal(loose);
+    const auto to = message.find(" would close it");
+    ASSERT_NE(to, std::string::npos) << message;
+    const auto from = message.rfind("--weld ", to) + 7;
+    const InputSurface found = read(loose, std::stod(message.substr(from, to - from)));
+    EXPECT_EQ(found.facts.num_vertices, 8U);
+    EXPECT_EQ(found.facts.num_triangles, 12U);
+  }
+}
+
 TEST_F(SurfaceWeld, AWallIsNotLostSilently) {
   // A shell whose sides have the same triangles: as one sheet they would be a ball.
   Polygons shell = to_polygons(testing_shapes::sphere(1, 12, 24));
