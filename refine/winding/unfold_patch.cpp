@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 #include <optional>
 #include <utility>
@@ -16,12 +15,9 @@ namespace {
 
 using Face = std::array<std::uint32_t, 3>;
 
-// An angle between 0 and 180 degrees, by its cosine: less of it is a larger angle.
-constexpr double kSharp = -0.17364817766693033;  // 100 degrees
-double less_by_20_degrees(double cosine) {
-  constexpr double kCosine = 0.93969262078590843, kSine = 0.34202014332566871;
-  return cosine * kCosine + std::sqrt(std::max(0.0, 1 - cosine * cosine)) * kSine;
-}
+// Cosines of angles between outward normals: the smaller, the more they are folded.
+constexpr double kFolded = -0.70710678118654752;  // 135 degrees
+constexpr double kUnfolded = 0;                   // 90 degrees
 
 bool is_patch(const ChainTriangle& t) { return (t.group & kOverHole) != 0; }
 
@@ -81,7 +77,7 @@ class EdgeTurns {
     const double before =
         sharpest(normal(pair->first), normal(pair->second), normals, {0, 0, 1, 1});
     const double after = sharpest(normal(beside_x), normal(beside_y), normals, {0, 1, 0, 1});
-    if (before > kSharp || after < less_by_20_degrees(before)) return false;
+    if (before > kFolded || after < kUnfolded) return false;
     first.corners = beside_x;
     second.corners = beside_y;
     is_changed_[s] = is_changed_[t] = true;

@@ -60,6 +60,9 @@ if [[ -e $build/tools/python/locvol ]]; then
       "$module/_locvol.*.so" "$module-.*.dist-info/entry_points.txt"; do
     has_path "$python" "$path"
   done
+  # What Python compiles once it is there goes with it.
+  dpkg-deb -e "$python" "$out/control"
+  grep -q 'py3clean -p python3-locvol' "$out/control/prerm" || fail "$python leaves what was compiled"
   dpkg-deb -x "$python" "$out/python"
   PYTHONPATH=$out/python/usr/lib/python3/dist-packages /usr/bin/python3 -B -c '
 import locvol

@@ -443,53 +443,73 @@ TEST(CloseNotches, GoOnAlongTheSurface) {
   EXPECT_GT(num_all, 100U);
 }
 
-// A cone over an arrowhead, whose lid has the diagonal outside of it: one half is folded back.
-Chain cone_with_folded_lid() {
+// A stump with an arrowhead on top, whose lid has the diagonal that is outside of it: one half is
+// folded back.
+Chain stump_with_folded_lid() {
   Chain chain;
-  chain.vertices = {{0, 0, 0}, {4, 0, 0}, {1, 1, 0}, {0, 4, 0}, {1, 1, -5}};
-  chain.triangles = {{{1, 0, 4}, 1, 7},
-                     {{2, 1, 4}, 1, 7},
-                     {{3, 2, 4}, 1, 7},
-                     {{0, 3, 4}, 1, 7},
-                     {{0, 1, 3}, 1, 7 | kOverHole},
-                     {{1, 2, 3}, 1, 7 | kOverHole}};
+  chain.vertices = {{0, 0, 0},    {4, 0, 0},   {1, 1, 0},  {0, 4, 0},
+                    {-1, -1, -1}, {7, -1, -1}, {2, 2, -1}, {-1, 7, -1}};
+  for (std::uint32_t k = 0; k < 4; ++k) {
+    const std::uint32_t next = (k + 1) % 4;
+    chain.triangles.push_back({{next, k, k + 4}, 1, 7});
+    chain.triangles.push_back({{next, k + 4, next + 4}, 1, 7});
+  }
+  chain.triangles.push_back({{4, 6, 5}, 1, 7});
+  chain.triangles.push_back({{4, 7, 6}, 1, 7});
+  chain.triangles.push_back({{0, 1, 3}, 1, 7 | kOverHole});
+  chain.triangles.push_back({{1, 2, 3}, 1, 7 | kOverHole});
   return chain;
 }
 
 TEST(UnfoldPatch, TurnsTheEdgeOfAFold) {
-  Chain cone = cone_with_folded_lid();
-  ASSERT_TRUE(open_edges(cone).empty());
-  ASSERT_LT(cone.normal_of(cone.triangles[5]).z, 0);
-  EXPECT_EQ(unfold_patch(cone), 1U);
-  EXPECT_TRUE(open_edges(cone).empty());
-  for (const std::size_t t : {4U, 5U}) EXPECT_GT(cone.normal_of(cone.triangles[t]).z, 0);
-  EXPECT_EQ(unfold_patch(cone), 0U);
+  Chain stump = stump_with_folded_lid();
+  ASSERT_TRUE(open_edges(stump).empty());
+  ASSERT_LT(stump.normal_of(stump.triangles.back()).z, 0);
+  EXPECT_EQ(unfold_patch(stump), 1U);
+  EXPECT_TRUE(open_edges(stump).empty());
+  for (const std::size_t t : {10U, 11U}) EXPECT_GT(stump.normal_of(stump.triangles[t]).z, 0);
+  EXPECT_EQ(unfold_patch(stump), 0U);
 }
 
 TEST(UnfoldPatch, LeavesWhatWasThere) {
-  Chain cone = cone_with_folded_lid();
-  cone.triangles[5].group = 7;
-  EXPECT_EQ(unfold_patch(cone), 0U);
-  Chain lid = cone_with_folded_lid();  // with two other corners that have an edge already
+  Chain stump = stump_with_folded_lid();
+  stump.triangles.back().group = 7;
+  EXPECT_EQ(unfold_patch(stump), 0U);
+  Chain lid = stump_with_folded_lid();  // with two other corners that have an edge already
   lid.triangles.push_back({{0, 2, 4}, 1, 7});
   EXPECT_EQ(unfold_patch(lid), 0U);
 }
 
-// Of balls that lack triangles at random, filled by fans: what is closed stays so.
+// Of balls whose vertices are moved along them, so that triangles are folded back: what is closed
+// stays so, and each turn takes a fold away.
 TEST(UnfoldPatch, KeepsWhatIsClosed) {
   const unsigned seed = std::random_device()();
   SCOPED_TRACE(testing::Message() << "seed " << seed);
   std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> by(-0.25, 0.25);
+  const auto num_folded = [](const Chain& chain) {
+    std::size_t num = 0;
+    for_each_edge(edges_of(chain), [&](std::span<const ChainEdge> uses) {
+      const Point a = chain.normal_of(chain.triangles[uses[0].triangle]),
+                  b = chain.normal_of(chain.triangles[uses[1].triangle]);
+      num += dot(a, b) < -std::sqrt(0.5) * norm(a) * norm(b);
+    });
+    return num;
+  };
   std::size_t num_turned = 0;
   for (int trial = 0; trial < 20; ++trial) {
     Chain chain = chain_of(ball(2));
-    for (Point& p : chain.vertices)
-      if (p.z > 0.3) p = (0.5 + 0.001 * static_cast<double>(random() % 1000)) * p;
-    for (ChainTriangle& t : chain.triangles)
-      if (chain.vertices[t.corners[0]].z > 0) t.group |= kOverHole;
+    for (Point& p : chain.vertices) {
+      const Point q = p + Point{by(random), by(random), by(random)};
+      p = (1 / norm(q)) * q;
+    }
+    for (ChainTriangle& t : chain.triangles) t.group |= kOverHole;
     const std::size_t num_triangles = chain.triangles.size();
-    num_turned += unfold_patch(chain);
+    const std::size_t num_before = num_folded(chain);
+    const std::size_t num = unfold_patch(chain);
+    num_turned += num;
     EXPECT_EQ(chain.triangles.size(), num_triangles);
+    EXPECT_LE(num_folded(chain) + num, num_before);
     for_each_edge(edges_of(chain), [&](std::span<const ChainEdge> uses) {
       ASSERT_EQ(uses.size(), 2U);
       EXPECT_NE(uses[0].is_upward, uses[1].is_upward);
