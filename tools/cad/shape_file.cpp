@@ -221,7 +221,7 @@ class PartCollector {
 
 class DocumentReader {
  public:
-  // `no_names`: what else stands in the document for a name, and is none.
+  // `no_names`: what else stands for the name of an instance, and is none.
   DocumentReader(const Handle(TDocStd_Document) & document, PartCollector& parts, ShapeFile& file,
                  std::set<std::string> no_names = {})
       : shapes_(XCAFDoc_DocumentTool::ShapeTool(document->Main())),
@@ -241,12 +241,13 @@ class DocumentReader {
   // `name`: of the instance of it; `above`: of what that is in.
   void visit(const TDF_Label& label, const TopLoc_Location& place, std::string name,
              const std::string& above, CadColor color) {
-    if (const std::string own = name_of(label); !own.empty() && !no_names_.contains(own))
+    const bool is_instance = XCAFDoc_ShapeTool::IsReference(label);
+    if (const std::string own = name_of(label);
+        !own.empty() && !(is_instance && no_names_.contains(own)))
       name = own;
     if (const CadColor own = color_at(label); own.is_given) color = own;
     TDF_Label referred;
-    if (XCAFDoc_ShapeTool::IsReference(label) &&
-        XCAFDoc_ShapeTool::GetReferredShape(label, referred))
+    if (is_instance && XCAFDoc_ShapeTool::GetReferredShape(label, referred))
       return visit(referred, place * XCAFDoc_ShapeTool::GetLocation(label), name, above, color);
     if (XCAFDoc_ShapeTool::IsAssembly(label)) {
       TDF_LabelSequence components;
