@@ -30,6 +30,24 @@ bool are_close(const Frame& frame, MortonKey a, MortonKey b, double distance) {
   return frame.box(a).squared_distance(frame.box(b)) <= distance * distance;
 }
 
+// Each has the smallest color that none has which is near and comes before it: by weight, then in
+// Morton order.
+void expect_greedy(const Frame& frame, const std::vector<LeafToColor>& leaves,
+                   const std::vector<std::uint32_t>& colors) {
+  ASSERT_EQ(colors.size(), leaves.size());
+  for (std::size_t i = 0; i < leaves.size(); ++i) {
+    std::vector<bool> is_used(leaves.size() + 1);
+    for (std::size_t j = 0; j < leaves.size(); ++j) {
+      const auto& [a, b] = std::tie(leaves[i], leaves[j]);
+      const bool is_before = b.weight > a.weight || (b.weight == a.weight && j < i);
+      if (is_before && are_close(frame, a.leaf, b.leaf, std::max(a.distance, b.distance)))
+        is_used[colors[j]] = true;
+    }
+    const auto smallest = std::ranges::find(is_used, false) - is_used.begin();
+    EXPECT_EQ(colors[i], smallest) << "leaf " << i;
+  }
+}
+
 TEST(Coloring, IsGreedyInMortonOrderAgainstAllPairs) {
   const std::uint64_t seed = std::random_device{}();
   SCOPED_TRACE("seed " + std::to_string(seed));
@@ -39,15 +57,9 @@ TEST(Coloring, IsGreedyInMortonOrderAgainstAllPairs) {
     const LinearOctree octree = random_octree(random, 40);
     const auto leaves = random_subset(random, octree.leaves());
     const double distance = frame.side(static_cast<int>(random() % 6)) * 0.9;
-    const auto colors = color_leaves(octree, frame, leaves, distance);
-    ASSERT_EQ(colors.size(), leaves.size());
-    for (std::size_t i = 0; i < leaves.size(); ++i) {
-      std::vector<bool> is_used(leaves.size() + 1);
-      for (std::size_t j = 0; j < i; ++j)
-        if (are_close(frame, leaves[i], leaves[j], distance)) is_used[colors[j]] = true;
-      const auto smallest = std::ranges::find(is_used, false) - is_used.begin();
-      EXPECT_EQ(colors[i], smallest) << "leaf " << i;
-    }
+    std::vector<LeafToColor> alike;
+    for (const MortonKey leaf : leaves) alike.push_back({leaf, distance});
+    expect_greedy(frame, alike, color_leaves(octree, frame, leaves, distance));
   }
 }
 
@@ -61,19 +73,7 @@ TEST(Coloring, IsGreedyByWeightAgainstAllPairs) {
     std::vector<LeafToColor> leaves;
     for (const MortonKey leaf : random_subset(random, octree.leaves()))
       leaves.push_back({leaf, frame.side(static_cast<int>(random() % 6)) * 0.9, random() % 5});
-    const auto colors = color_leaves(octree, frame, leaves);
-    ASSERT_EQ(colors.size(), leaves.size());
-    for (std::size_t i = 0; i < leaves.size(); ++i) {
-      std::vector<bool> is_used(leaves.size() + 1);
-      for (std::size_t j = 0; j < leaves.size(); ++j) {
-        const auto& [a, b] = std::tie(leaves[i], leaves[j]);
-        const bool is_before = b.weight > a.weight || (b.weight == a.weight && j < i);
-        if (is_before && are_close(frame, a.leaf, b.leaf, std::max(a.distance, b.distance)))
-          is_used[colors[j]] = true;
-      }
-      const auto smallest = std::ranges::find(is_used, false) - is_used.begin();
-      EXPECT_EQ(colors[i], smallest) << "leaf " << i;
-    }
+    expect_greedy(frame, leaves, color_leaves(octree, frame, leaves));
   }
 }
 
