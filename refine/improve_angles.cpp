@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "refine/cell_shape.h"
 #include "refine/crease_leaf.h"
 #include "refine/domain/fragment.h"
+#include "refine/mirror.h"
 
 namespace locvol {
 namespace {
@@ -214,18 +216,20 @@ bool ImproveAngles::improve(const Poor& poor) {
 }
 
 // Four points nearly in a circle, two on each side, make a cell much flatter than the wall. One of
-// them moves a little.
+// them moves a little: on a crease first to where it is across from another as samples are from
+// their mirrors.
 bool ImproveAngles::improve_in_wall(const Poor& poor) {
-  kind_ = PointKind::kSurface;
-  better_.clear();
   wall_ = poor.wall;
   ask_for(std::atan(kPartOfWall * wall_) / kDegree);
   const auto try_to = [&] {
+    if (slide(poor.cell.cell, &ImproveAngles::list_sheared_place)) return true;
+    kind_ = PointKind::kSurface;
+    better_.clear();
     for (const LocalIndex v : mesh_.delaunay().vertices(poor.cell.cell))
       if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kSurface &&
-          try_places(v, poor.cell.cell))
+          try_places(v, poor.cell.cell, &ImproveAngles::list_places_in_wall))
         return true;
-    return try_better() || slide(poor.cell.cell);
+    return try_better() || slide(poor.cell.cell, &ImproveAngles::list_places_along);
   };
   const bool is_improved = try_to();
   wall_ = 0;
@@ -238,11 +242,11 @@ bool ImproveAngles::improve(Cell poor) {
   kind_ = PointKind::kVolume;
   const auto vertices = mesh_.delaunay().vertices(poor);
   for (const LocalIndex v : vertices)
-    if (is_movable(v) && try_places(v, poor)) return true;
+    if (is_movable(v) && try_places(v, poor, &ImproveAngles::list_places)) return true;
   const bool is_left = left_.size() > kPatience + num_improved_ || is_left_to_others(poor);
   if (!is_left)
     for (const LocalIndex v : movable_around(poor))
-      if (try_places(v, poor)) return true;
+      if (try_places(v, poor, &ImproveAngles::list_places)) return true;
   if (try_better()) return true;
   if (is_left) return false;
   list_places_in_ball(poor);
@@ -259,21 +263,23 @@ bool ImproveAngles::improve_on_surface(Cell poor) {
   better_.clear();
   const auto vertices = mesh_.delaunay().vertices(poor);
   for (const LocalIndex v : vertices)
-    if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kSurface && try_places(v, poor))
+    if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kSurface &&
+        try_places(v, poor, &ImproveAngles::list_places))
       return true;
-  if (try_better() || slide(poor)) return true;
+  if (try_better() || slide(poor, &ImproveAngles::list_places_along)) return true;
   kind_ = PointKind::kSurface;
   list_places_on_surface(poor);
   return try_insertions(poor);
 }
 
 // Along creases, between neighbors.
-bool ImproveAngles::slide(Cell poor) {
+bool ImproveAngles::slide(Cell poor, Lister list) {
   if (creases_ == nullptr) return false;
   kind_ = PointKind::kCrease;
   better_.clear();
   for (const LocalIndex v : mesh_.delaunay().vertices(poor))
-    if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kCrease && try_places(v, poor))
+    if (mesh_.is_own(v) && mesh_.local(v).point.kind == PointKind::kCrease &&
+        try_places(v, poor, list))
       return true;
   return try_better();
 }
@@ -314,16 +320,11 @@ std::span<const LocalIndex> ImproveAngles::movable_around(Cell poor) {
 }
 
 // The first place that leaves no cell below the bound is taken.
-bool ImproveAngles::try_places(LocalIndex v, Cell poor) {
+bool ImproveAngles::try_places(LocalIndex v, Cell poor, Lister list) {
   const Point before = mesh_.delaunay().point(v);
   take_in_core(before);
   if (!move_.take_out(v)) return false;
-  if (kind_ == PointKind::kCrease) {
-    places_.clear();
-    creases_->append_places_along(v, kPartsOfStep, places_);
-  } else {
-    wall_ > 0 ? list_places_in_wall(v, poor) : list_places(v, poor);
-  }
+  (this->*list)(v, poor);
   if (kind_ == PointKind::kSurface)
     std::erase_if(places_, [&](Point& q) { return !put_on_surface(q); });
   const double growth = surroundings_.sizes.growth();
@@ -437,8 +438,30 @@ bool ImproveAngles::may_stand(const Point& q, LocalIndex v) {
   return v == mesh_.num_locals() || std::ranges::equal(creases_->sheets(v), std::array{sheet_});
 }
 
-// Towards the cell's other vertices and away, by so little that sides stay apart (`sheared` in
-// mirror.cpp): of points that are nearly in a circle none need be.
+void ImproveAngles::list_places_along(LocalIndex v, Cell) {
+  places_.clear();
+  creases_->append_places_along(v, kPartsOfStep, places_);
+}
+
+// Across from the closest vertex of the cell, as mirrors are.
+void ImproveAngles::list_sheared_place(LocalIndex v, Cell poor) {
+  const Delaunay& delaunay = mesh_.delaunay();
+  const Point p = delaunay.point(v);
+  Point across;
+  double least = std::numeric_limits<double>::infinity();
+  for (const LocalIndex w : delaunay.vertices(poor))
+    if (const double distance2 = squared_distance(delaunay.point(w), p);
+        w != v && distance2 < least) {
+      least = distance2;
+      across = delaunay.point(w) - p;
+    }
+  places_.clear();
+  creases_->append_place_towards(
+      v, sheared_across(across, kMirrorReach * surroundings_.sizes.on_surface_at(p)), places_);
+}
+
+// Towards the cell's other vertices and away, by so little that sides stay apart
+// (`sheared_across`): of points that are nearly in a circle none need be.
 void ImproveAngles::list_places_in_wall(LocalIndex v, Cell poor) {
   const Point p = mesh_.delaunay().point(v);
   places_.clear();
@@ -583,14 +606,18 @@ void ImproveAngles::count(double cosine, Counts& counts) const {
   for (std::size_t k = 0; k < counts.size(); ++k) counts[k] += cosine > cosines_[k];
 }
 
-// A surface point makes cells outside, and these do not count. Null if not all cells are good:
-// which are outside need not be known then.
+// A surface point makes cells outside, and these do not count. Null if not all cells are good,
+// which need not be known if too many of them are poor: to ask on which side a cell is takes long.
 std::optional<ImproveAngles::Counts> ImproveAngles::counts_of_made() {
   const bool makes_outside = is_on_surface(kind_);
-  if (makes_outside && !are_cells_good()) return std::nullopt;
+  if (makes_outside && makes_poor_inside()) return std::nullopt;
   Counts counts{};
   for (std::size_t n = 0; n < change_.made.size(); ++n)
-    if (!makes_outside || prospects_[n].state.is_member()) count(move_.cosines()[n], counts);
+    if (const double cosine = move_.cosines()[n];
+        cosine > bound_ && (!makes_outside || mesh_.appraise(change_, n, kind_).state.is_member()))
+      count(cosine, counts);
+  if (makes_outside && (verdict_on(counts) == Verdict::kNone || !are_cells_good()))
+    return std::nullopt;
   return counts;
 }
 
@@ -625,7 +652,9 @@ bool ImproveAngles::are_cells_good() {
     for (const LocalIndex v : mesh_.delaunay().vertices(c))
       if (v == kInfiniteVertex || (mesh_.local(v).is_core && !may_meet_core())) return false;
   }
-  mesh_.appraise(change_, kind_, prospects_);
+  prospects_.clear();
+  for (std::size_t n = 0; n < change_.made.size(); ++n)
+    prospects_.push_back(mesh_.appraise(change_, n, kind_));
   for (std::size_t n = 0; n < prospects_.size(); ++n) {
     const CellState& state = prospects_[n].state;
     if (state.side == Side::kNotLoaded || state.is_hollow) return false;

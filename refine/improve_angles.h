@@ -72,7 +72,9 @@ class ImproveAngles {
   bool improve(const Poor& poor);
   bool improve(Cell poor);
   bool improve_on_surface(Cell poor);
-  bool try_places(LocalIndex v, Cell poor);
+  // Lists places for a vertex of a cell, or near it.
+  using Lister = void (ImproveAngles::*)(LocalIndex v, Cell poor);
+  bool try_places(LocalIndex v, Cell poor, Lister list);
   bool try_better();
   void bound_radii_at(const Point& q);
   bool try_insertions(Cell poor);
@@ -89,7 +91,9 @@ class ImproveAngles {
   }
   void ask_for(double degrees);
   void list_places_in_wall(LocalIndex v, Cell poor);
-  bool slide(Cell poor);
+  void list_sheared_place(LocalIndex v, Cell poor);
+  void list_places_along(LocalIndex v, Cell poor);
+  bool slide(Cell poor, Lister list);
   bool improve_in_wall(const Poor& poor);
   bool is_movable(LocalIndex v) const;
   std::span<const LocalIndex> movable_around(Cell poor);

@@ -147,6 +147,18 @@ void LeafCreases::append_places_along(LocalIndex v, std::span<const double> part
       out.push_back(graph_.position_along(way.heading, part * step));
 }
 
+void LeafCreases::append_place_towards(LocalIndex v, const Point& shift,
+                                       std::vector<Point>& out) const {
+  const auto ways = ways_to_slide(v);
+  if (!ways) return;
+  for (const CreaseGraph::Neighbor& way : *ways) {
+    const double length = norm(shift);
+    const Point step = graph_.position_along(way.heading, length) - mesh_.local(v).point.position;
+    const double along = dot(step, shift) / length;
+    if (along > 0 && along < way.along) out.push_back(graph_.position_along(way.heading, along));
+  }
+}
+
 bool LeafCreases::may_slide(LocalIndex v, const Point& q, double most_step) const {
   const auto place = graph_.place_of(q, tolerance());
   const auto ways = ways_to_slide(v);

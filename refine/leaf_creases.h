@@ -42,6 +42,9 @@ class LeafCreases {
   // is not known.
   void append_places_along(LocalIndex v, std::span<const double> parts,
                            std::vector<Point>& out) const;
+  // Likewise the place to which `shift`, short beside the way to a neighbor, leads along the
+  // crease.
+  void append_place_towards(LocalIndex v, const Point& shift, std::vector<Point>& out) const;
   // May it stand there? Its steps are at most so long and turn by at most kMostTurn, its sheets are
   // the same, and it is in no smallest ball around another segment.
   bool may_slide(LocalIndex v, const Point& q, double most_step) const;

@@ -555,17 +555,16 @@ std::optional<Point> LeafMesh::far_place(Cell c) const {
   return p + far_radius_at(p) / length * way;
 }
 
-void LeafMesh::appraise(const Delaunay::Change& change, PointKind kind,
-                        std::vector<Prospect>& out) const {
+LeafMesh::Prospect LeafMesh::appraise(const Delaunay::Change& change, std::size_t made,
+                                      PointKind kind) const {
   const Marks moved{true, is_hidden({0, change.place, kind}), locvol::is_on_surface(kind), false};
-  out.clear();
-  for (const Delaunay::NewCell& cell : change.made) {
-    std::array<Marks, 4> marks;
-    for (std::size_t i = 0; i < 4; ++i)
-      marks[i] = cell.vertex[i] == change.vertex ? moved : marks_[cell.vertex[i]];
-    Prospect& prospect = out.emplace_back(Prospect{fresh_state(marks), {}});
-    find_side(corners(change, cell), prospect.state, prospect.ball);
-  }
+  const Delaunay::NewCell& cell = change.made[made];
+  std::array<Marks, 4> marks;
+  for (std::size_t i = 0; i < 4; ++i)
+    marks[i] = cell.vertex[i] == change.vertex ? moved : marks_[cell.vertex[i]];
+  Prospect prospect{fresh_state(marks), {}};
+  find_side(corners(change, cell), prospect.state, prospect.ball);
+  return prospect;
 }
 
 std::array<Point, 4> LeafMesh::corners(const Delaunay::Change& change,

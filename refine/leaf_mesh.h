@@ -193,8 +193,9 @@ class LeafMesh {
     CellState state;
     CellBall ball;
   };
-  // What `change` makes, if its vertex is then an own point of this kind. Sides are known.
-  void appraise(const Delaunay::Change& change, PointKind kind, std::vector<Prospect>& out) const;
+  // Of the cell that `change` makes, if its vertex is then an own point of this kind. Its side is
+  // known.
+  Prospect appraise(const Delaunay::Change& change, std::size_t made, PointKind kind) const;
   CellView view(const Delaunay::Change& change, const std::vector<Prospect>& prospects,
                 std::size_t cell) const;
   FacetView view(const Delaunay::Change& change, const std::vector<Prospect>& prospects,

@@ -52,18 +52,6 @@ bool turns_away(const Point& p, const Point& outwards, bool is_one_body, Closest
   return dot(there.normal_here, there.normal) < kRightAngle;
 }
 
-// On the other side of a thin wall: how far a mirror is moved aside, so that it is not straight
-// across. Two points and their mirrors would be in a circle, and many cells there flat. Of both
-// mirrors of each other it is the same, so that two points and their mirrors stay in a plane.
-// `way`: from the mirror to its point. Below half of the square of the way over λ it joins no
-// sides: a place of one is still closer to samples of its own.
-Point sheared(const Point& way, double size) {
-  constexpr double kShear = 0.03, kThin = 0.25;  // of the square, of λ
-  static const Point kAxis = {0.55, 0.6, 0.58};
-  const double length = norm(way);
-  return length < kThin * size ? kShear / size * length * cross(kAxis, way) : Point{};
-}
-
 // Does no other side stand between the two, which lie on theirs?
 bool sees(const LeafDomain& domain, const Point& p, const Point& place) {
   constexpr double kEnd = 1e-3;  // of the way
@@ -80,6 +68,12 @@ void find_by_sheets(const LeafDomain& domain, const Point& p, double distance,
 }
 
 }  // namespace
+
+Point sheared_across(const Point& way, double reach) {
+  constexpr double kShear = 0.03;  // of the square
+  static const Point kAxis = {0.55, 0.6, 0.58};
+  return kShear / reach * norm(way) * cross(kAxis, way);
+}
 
 SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, double farthest,
                        std::vector<MirrorPoint>& out) {
@@ -116,7 +110,7 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
     const Point way = off * across;
     // And no gap. Through a stack of bodies, one would lead farther and farther aside.
     const bool is_wall = is_one_body && is_in_body(domain.label(p - 0.5 * way));
-    const Point image = p - way + (is_wall ? sheared(way, reach) : Point{});
+    const Point image = p - way + (is_wall ? sheared_across(way, reach) : Point{});
     MirrorPoint mirror;
     double least = reach * reach;
     for (const Triangle& t : std::ranges::equal_range(near, other.sheet, {}, &Triangle::sheet)) {

@@ -30,6 +30,13 @@ struct MirrorPoint {
   SurfaceSide side;
 };
 
+// On the other side of a wall: how far a mirror is moved aside, so that it is not straight across.
+// Two points and their mirrors would be in a circle, and many cells there flat. Of both mirrors of
+// each other it is the same, so that two points and their mirrors stay in a plane. `way`: from the
+// mirror to its point; `reach`: how long that may be. Below half of the square of the way over λ it
+// joins no sides: a place of one is still closer to samples of its own.
+Point sheared_across(const Point& way, double reach);
+
 // Of a point of the surface: for each side that it sees, closer than `reach`, where the surface
 // turns by more than 90 degrees from there to here around what lies between, the point's image in
 // the plane that bisects the tangent planes here and at that side's closest place, moved to where

@@ -269,7 +269,9 @@ TEST(Conditions, AskTheSameOfAChangeAndOfWhatItMakes) {
     const Point q = mesh.local(v).point.position + 0.1 * uniform_in(random, shapes::kCube);
     if (!move.take_out(v) || !move.find(q, {}, change)) continue;
     const PointKind kind = mesh.local(v).point.kind;
-    mesh.appraise(change, kind, prospects);
+    prospects.clear();
+    for (std::size_t n = 0; n < change.made.size(); ++n)
+      prospects.push_back(mesh.appraise(change, n, kind));
     std::map<std::array<LocalIndex, 4>, CellView> cells;  // inside
     std::map<std::array<LocalIndex, 3>, FacetView> facets;
     for (std::size_t n = 0; n < prospects.size(); ++n) {

@@ -311,25 +311,41 @@ TEST(Mirrors, LieAcrossTheEdge) {
     mirrors_of(domain, p, 0.5, 1, mirrors);
     ASSERT_EQ(mirrors.size(), 1U);
     const Point expected = tip + along * Point{std::cos(half), std::sin(half), 0};
-    EXPECT_LT(norm(mirrors.front().position - expected), 1e-12);
+    EXPECT_LT(norm(mirrors.front().position - expected),
+              0.03 / 0.5 * squared_distance(p, expected));
     EXPECT_NE(mirrors.front().side.sheet, here->side.sheet);
   }
-  // Of the sheet itself, where it faces itself.
-  Creased plate = prism({{1, 1, 0}, {-1, 1, 0}, {-1, -1, 0}, {1, -1, 0}}, 0.3);
-  for (Triangle& t : plate.triangles) t.sheet = 1;
-  const LeafDomain of_plate(plate.piece(plate.box().expanded(1)));
-  std::vector<MirrorPoint> across;
-  mirrors_of(of_plate, {0.1, 0.2, 0}, 0.5, 1, across);
-  ASSERT_EQ(across.size(), 1U);
-  EXPECT_LT(norm(across.front().position - Point{0.1, 0.2, 0.3}), 1e-12);
-  mirrors_of(of_plate, {0.1, 0.2, 0}, 0.25, 1, across);
-  EXPECT_TRUE(across.empty());
   // Not of a sheet that turns by less, nor of one that is far.
   const Creased shape = cube(2);
   const LeafDomain domain(shape.piece(shape.box().expanded(1)));
   std::vector<MirrorPoint> mirrors;
   mirrors_of(domain, {0.9, 0, 0}, 0.6, 1, mirrors);
   EXPECT_TRUE(mirrors.empty());
+}
+
+// Of the sheet itself, where it faces itself: across the wall, and a little aside, so that it is
+// not in a circle with its point and two others.
+TEST(Mirrors, AcrossAWallAreALittleAside) {
+  constexpr double kReach = 0.5;
+  for (const double width : {0.05, 0.15, 0.3, 0.45}) {
+    Creased shape = prism({{1, 1, 0}, {-1, 1, 0}, {-1, -1, 0}, {1, -1, 0}}, width);
+    for (Triangle& t : shape.triangles) t.sheet = 1;
+    const LeafDomain domain(shape.piece(shape.box().expanded(1)));
+    std::vector<MirrorPoint> across;
+    const auto mirror_of = [&](const Point& p) {
+      mirrors_of(domain, p, kReach, 1, across);
+      return across.size() == 1 ? across.front().position : Point{};
+    };
+    const Point p{0.1, 0.2, 0}, q{-0.3, 0.1, 0}, mirror = mirror_of(p);
+    EXPECT_NEAR(mirror.z, width, 1e-12);
+    const Point aside = mirror - p - Point{0, 0, width};
+    EXPECT_GT(norm(aside), 0.01 * width * width / kReach);
+    EXPECT_LT(norm(aside), 0.1 * width * width / kReach);
+    EXPECT_LT(norm(mirror_of(q) - q - (mirror - p)), 1e-12) << "in a plane with others";
+    EXPECT_LT(norm(mirror_of(mirror) - p), 1e-12);
+    mirrors_of(domain, p, 0.9 * width, 1, across);
+    EXPECT_TRUE(across.empty());
+  }
 }
 
 std::vector<Point> orbit_of(const LeafDomain& domain, const Point& p, double reach) {
@@ -341,8 +357,8 @@ std::vector<Point> orbit_of(const LeafDomain& domain, const Point& p, double rea
   return places;
 }
 
-bool has(const std::vector<Point>& places, const Point& p) {
-  return std::ranges::any_of(places, [&](const Point& q) { return norm(p - q) < 1e-12; });
+bool has(const std::vector<Point>& places, const Point& p, double tolerance = 1e-12) {
+  return std::ranges::any_of(places, [&](const Point& q) { return norm(p - q) < tolerance; });
 }
 
 // A point below an acute edge at a gap: its mirror on the face above has one across the gap.
@@ -369,10 +385,11 @@ TEST(Mirrors, OfMirrorsAreOnFurtherSides) {
   const double along = 0.3;
   const Point below = tip + along * Point{std::cos(half), -std::sin(half), 0},
               above = tip + along * Point{std::cos(half), std::sin(half), 0};
+  const double aside = 0.03 / 0.35 * squared_distance(above, below);
   const std::vector<Point> places = orbit_of(domain, below, 0.35);
-  EXPECT_TRUE(has(places, above));
-  EXPECT_TRUE(has(places, image(above)));
-  EXPECT_FALSE(has(places, below));
+  EXPECT_TRUE(has(places, above, aside));
+  EXPECT_TRUE(has(places, image(above), aside));
+  EXPECT_FALSE(has(places, below, aside));
 }
 
 // The bodies 1, 2, and so on, with each common triangle once, and a sheet for each pair of planes.
@@ -489,6 +506,12 @@ TEST(Mirrors, AreNotAtRightAngles) {
 // With edges of 38 and 105 degrees, and acute corners.
 Creased leaning_wedge(const Point& aside) {
   return prism({{1, -0.25, 0}, {0, 0.52, 0}, {-1, -0.25, 0}}, 2, aside);
+}
+
+// Square.
+Creased plate(double side, double width) {
+  const double half = 0.5 * side;
+  return prism({{half, half, 0}, {-half, half, 0}, {-half, -half, 0}, {half, -half, 0}}, width);
 }
 
 struct Case {
@@ -633,11 +656,10 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"Bar60", [] { return bar(60, 2); }, 0.15},
                     Case{"Bar45", [] { return bar(45, 2); }, 0.15},
                     Case{"Bar120", [] { return bar(120, 2); }, 0.15},
-                    Case{"Plate",
-                         [] {
-                           return prism({{1, 1, 0}, {-1, 1, 0}, {-1, -1, 0}, {1, -1, 0}}, 0.1);
-                         },
-                         0.3, true, 11},
+                    Case{"Plate", [] { return plate(2, 0.1); }, 0.3, true, 6},
+                    Case{"PlateOf0.28Sizes", [] { return plate(2, 0.056); }, 0.2, true, 3},
+                    Case{"PlateOf0.4Sizes", [] { return plate(2, 0.08); }, 0.2, true, 3},
+                    Case{"PlateOf0.6Sizes", [] { return plate(2, 0.12); }, 0.2},
                     Case{"Disk", [] { return cylinder(0.5, 0.07, 48); }, 0.15, false},
                     Case{"LeaningWedge",
                          [] {
