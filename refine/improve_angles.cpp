@@ -24,6 +24,10 @@ constexpr double kAngleSlack = 1e-6;  // relative, of what is not known to the l
 constexpr double kWorthwhile = 0.8;
 constexpr int kFirstForFew = 2;
 constexpr std::size_t kFew = 16, kTriesOfFew = 384;
+// What is flat in a wall is told by each cell's own width, so that two could make each other anew
+// for ever: where a round makes so many times the poor cells that it began with, they are the
+// next one's.
+constexpr std::size_t kMadeInWalls = 4;
 // Between sheets closer than λ nothing helps most cells. So many more of them than of others, and
 // only moves are tried, which cost far less than insertions.
 constexpr std::size_t kPatience = 50;
@@ -124,6 +128,8 @@ void ImproveAngles::run() {
     const bool is_worthwhile =
         static_cast<double>(num) <= kWorthwhile * static_cast<double>(num_before);
     num_before = num;
+    num_made_in_walls_ = 0;
+    most_made_in_walls_ = kMadeInWalls * num;
     if (round_ >= kFirstForFew && !is_worthwhile) {
       num_tries += num;
       if (num > kFew || num_tries > kTriesOfFew) break;
@@ -190,7 +196,10 @@ void ImproveAngles::look_at(Cell c) {
   if (is_thin(wall) && !is_flat(cosine, wall)) return;
   Poor poor{cosine, wall, mesh_.ref(c), mesh_.delaunay().vertices(c)};
   std::ranges::sort(poor.vertices);
-  waiting_.push(poor);
+  if (wall_ > 0 && ++num_made_in_walls_ > most_made_in_walls_)
+    left_.push_back(poor);
+  else
+    waiting_.push(poor);
 }
 
 // Of a cell that leads from side to side of a narrow part, without a vertex inside. Else 0.
@@ -417,8 +426,10 @@ void ImproveAngles::list_places(LocalIndex v, Cell poor) {
     places_.push_back(p + (kAround * scale) * noise.in_unit_ball());
 }
 
-// To the closest place there, if that is near.
+// To the closest place there, if that is near. That of a flat cell may be anywhere.
 bool ImproveAngles::put_on_surface(Point& q) const {
+  const double farthest = kToSurface * input_.criteria.size;
+  if (!(input_.box.squared_distance(q) <= farthest * farthest)) return false;
   const auto closest = surroundings_.domain.closest_to(
       q, kToSurface * mesh_.scaled(input_.criteria.size, surroundings_.sizes.on_surface_at(q)));
   if (closest) q = closest->position;

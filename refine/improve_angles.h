@@ -87,7 +87,7 @@ class ImproveAngles {
   bool is_thin(double wall) const;
   // Is a cell much flatter than the wall that it leads across?
   static bool is_flat(double cosine, double wall) {
-    return cosine * cosine * (1 + kPartOfWall * kPartOfWall * wall * wall) > 1;
+    return wall > 0 && cosine * cosine * (1 + kPartOfWall * kPartOfWall * wall * wall) > 1;
   }
   void ask_for(double degrees);
   void list_places_in_wall(LocalIndex v, Cell poor);
@@ -171,6 +171,7 @@ class ImproveAngles {
   int round_ = 0;
   std::size_t num_improved_ = 0;
   std::size_t num_improved_on_surface_ = 0, num_failed_on_surface_ = 0;
+  std::size_t num_made_in_walls_ = 0, most_made_in_walls_ = 0;  // in this round
 
   std::priority_queue<Poor> waiting_;
   std::vector<Poor> left_;
