@@ -138,8 +138,8 @@ void tell_unresolved(const std::vector<LeafSite>& sites, std::uint64_t num_all,
     return line.tell("unresolved", json, "");
   }
   line.clear();
-  tell_user("{}: {} sites are unresolved: the surface is not smooth there at scale λ\n",
-            place.program(), num_all);
+  tell_user("{}: {} unresolved: the surface is not smooth there at scale λ\n", place.program(),
+            num_all == 1 ? "1 site is" : fmt::format("{} sites are", num_all));
   for (const LeafSite& site : sites) tell_user("  {}\n", site_text(site));
   if (num_all > sites.size())
     tell_user("  and {} more: `{} inspect {} --unresolved` lists all\n", num_all - sites.size(),

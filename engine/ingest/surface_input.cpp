@@ -49,6 +49,8 @@ constexpr double kMostJoined = 1e-4;
 
 // Of the box, where winding numbers still tell what is inside.
 constexpr double kMostDoubt = 0.25;
+// Of the box, what is surely inside of triangles that are more than sheets.
+constexpr double kLeastSurelyInside = 0.01;
 // What they take of so many triangles; see README.md.
 std::uint64_t winding_bytes(std::uint64_t num_triangles) { return 1200 * num_triangles; }
 // And where they stay on disk, but for what is around holes.
@@ -168,7 +170,7 @@ class SurfacePreparation {
     }
     writer.flush();
     if (list.count == 0)
-      refuse("its triangles wind around nothing: they are sheets{}", cured_by("wrap"));
+      refuse("its triangles wind around nothing, as sheets do: close them{}", cured_by("wrap"));
     adopt(std::move(list));
     raw_.collinear.clear();
     drops_copies_ = false;
@@ -759,21 +761,25 @@ class SurfacePreparation {
                                  : "");
     constexpr std::string_view kWinding =
         ", or mesh what its triangles wind around: --inside winding";
-    const std::optional<double> doubt = doubt_of_winding();
+    const std::optional<WindingDoubt> doubt = doubt_of_winding();
     // What is mostly open has little inside.
     if (!doubt)
       return fmt::format("{}{}", cure(command),
                          is_mostly_open() || !is_orientable() ? "" : kWinding);
-    if (*doubt > kMostDoubt)
+    if (doubt->is_nothing) return cure("wrap");
+    const bool is_sheet = is_mostly_open() || doubt->inside < kLeastSurelyInside;
+    const bool is_doubtful = doubt->share > kMostDoubt;
+    if (is_doubtful && is_sheet)
       return fmt::format("{} (by winding numbers, {} of the box would be in doubt)", cure("wrap"),
-                         percent(*doubt));
-    return fmt::format("{}{} ({} of the box is in doubt)", command == "repair" ? cure(command) : "",
-                       kWinding, percent(*doubt));
+                         percent(doubt->share));
+    return fmt::format("{}{} ({} of the box is in doubt){}",
+                       command == "repair" ? cure(command) : "", kWinding, percent(doubt->share),
+                       is_doubtful ? cure("wrap") : "");
   }
 
   // Of what winding numbers would tell. Nothing: it would take more memory than the cap, or this is
   // a part of the surface.
-  std::optional<double> doubt_of_winding() const {
+  std::optional<WindingDoubt> doubt_of_winding() const {
     if (!share_.range().is_all() || winding_bytes(findings_.num_triangles) > winding_.cap)
       return std::nullopt;
     std::vector<Triangle> triangles;

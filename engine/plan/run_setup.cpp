@@ -259,7 +259,15 @@ double absolute_size(const Size& spec, const Box& box, const std::string& name) 
   if (!(spec.value > 0) || !std::isfinite(spec.value))
     throw InputError(name + " " + decimal(spec.value) + (spec.is_percent ? "%" : "") +
                      ": give a finite number above 0");
-  return spec.is_percent ? spec.value / 100 * smallest_side(box) : spec.value;
+  if (!spec.is_percent) return spec.value;
+  const double side = smallest_side(box);
+  if (side == 0 && max_norm(box.max - box.min) > 0)
+    throw InputError(fmt::format(
+        "{} {}%: percentages are of the smallest side of the surface's box, and this box is flat: "
+        "give a length, such as {:.3g}, which is {}% of its largest side",
+        name, decimal(spec.value), spec.value / 100 * max_norm(box.max - box.min),
+        decimal(spec.value)));
+  return spec.value / 100 * side;
 }
 
 std::optional<double> weld_length(const std::optional<Size>& weld, const Box& box) {

@@ -98,7 +98,13 @@ int ray_crosses(const Triangle& triangle, const Turn& turn, const Side& side) {
 int ray_crosses(const Point& p, const Triangle& triangle) {
   return ray_crosses(
       triangle, [&](const Point& u, const Point& v) { return orientation_along(2, u, v, p); },
-      [&](const Point& a, const Point& b, const Point& c) { return orientation(a, b, c, p); });
+      [&](const Point& a, const Point& b, const Point& c) { return side_of_plane(a, b, c, p); });
+}
+
+int side_of_plane(const Point& a, const Point& b, const Point& c, const Point& p) {
+  int side = orientation(a, b, c, p);
+  for (int axis = 0; axis < 3 && side == 0; ++axis) side = orientation_along(axis, a, b, c);
+  return side;
 }
 
 bool ray_from_centroid_crosses(const std::array<Point, 3>& from, const Triangle& triangle) {

@@ -259,19 +259,23 @@ void drop_flat_parts(Chain& chain) {
   std::erase_if(chain.triangles, [](const ChainTriangle& t) { return t.times == 0; });
 }
 
-double doubt_of(const Chain& chain, const WindingNumber& number, const StopToken* stop) {
-  if (number.open().empty()) return 0;
+WindingDoubt doubt_of(const Chain& chain, const WindingNumber& number, const StopToken* stop) {
+  if (number.open().empty()) return {};
   Box box = Box::around(chain.points_of(chain.triangles[0])[0]);
   for (const ChainTriangle& t : chain.triangles)
     for (const Point& p : chain.points_of(t)) box = box.joined(p);
   const std::vector<Point> places = places_of_doubt(box);
-  std::size_t num = 0;
+  constexpr double kSurely = 0.75;
+  std::size_t num = 0, num_inside = 0;
   StopPoll poll(stop);
   for (const Point& p : places) {
     poll();
-    num += is_in_doubt(number.roughly_at(p));
+    const double its = number.roughly_at(p);
+    num += is_in_doubt(its);
+    num_inside += its > kSurely;
   }
-  return static_cast<double>(num) / static_cast<double>(places.size());
+  const auto all = static_cast<double>(places.size());
+  return {.share = static_cast<double>(num) / all, .inside = static_cast<double>(num_inside) / all};
 }
 
 // Without what has no area.
@@ -290,11 +294,13 @@ Chain chain_of(const LooseSurface& surface) {
 
 }  // namespace
 
-double winding_doubt(const LooseSurface& surface, const StopToken* stop) {
+WindingDoubt winding_doubt(const LooseSurface& surface, const StopToken* stop) {
   Chain chain = chain_of(surface);
+  WindingChanges turned;
   orient_patches(chain);
+  turn_outwards(chain, turned);
   unite_equal(chain);
-  if (chain.triangles.empty()) return 0;
+  if (chain.triangles.empty()) return {.is_nothing = true};
   throw_if_stopped(stop);
   return doubt_of(chain, WindingNumber(chain), stop);
 }
@@ -318,7 +324,7 @@ LooseSurface winding_surface(const LooseSurface& surface, double spacing, double
   changes.is_level = !chain.triangles.empty() && is_mostly_islands(chain, spacing);
   if (changes.is_level) {
     const WindingNumber number(chain);
-    changes.doubt = doubt_of(chain, number, stop);
+    changes.doubt = doubt_of(chain, number, stop).share;
     chain = level_surface(chain, number, spacing, stop);
   }
   std::size_t num_closed = 0;
@@ -333,7 +339,7 @@ LooseSurface winding_surface(const LooseSurface& surface, double spacing, double
       const WindingNumber number(chain);
       throw_if_stopped(stop);
       if (round == 0 && !changes.is_level && !chain.triangles.empty())
-        changes.doubt = doubt_of(chain, number, stop);
+        changes.doubt = doubt_of(chain, number, stop).share;
       keep_where_label_changes(chain, number, near, stop);
       if (chain.triangles.empty()) break;
       if (round == 0 && !changes.is_level)

@@ -46,7 +46,13 @@ double snapping_distance(const Box& box);
 LooseSurface winding_surface(const LooseSurface& surface, double spacing, double gap,
                              WindingChanges& changes, const StopToken* stop);
 
-// WindingChanges::doubt alone, in a part of the time. Of no triangles, 0. Throws Stopped.
-double winding_doubt(const LooseSurface& surface, const StopToken* stop);
+struct WindingDoubt {
+  double share = 0;  // WindingChanges::doubt
+  double inside =
+      0;  // the share of the box where the number exceeds 3/4: beside sheets nothing does
+  bool is_nothing = false;  // all cancel each other
+};
+// These alone, in a part of the time. Where nothing is open, 0. Throws Stopped.
+WindingDoubt winding_doubt(const LooseSurface& surface, const StopToken* stop);
 
 }  // namespace locvol

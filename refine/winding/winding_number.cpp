@@ -17,10 +17,7 @@ int side_of(const Point& p, const std::array<Point, 3>& t, double determinant, d
   constexpr double kError = 1e-14;
   if (determinant > kError * extent) return 1;
   if (determinant < -kError * extent) return -1;
-  if (const int exact = orientation(p, t[0], t[1], t[2]); exact != 0) return exact;
-  for (const int axis : {0, 1, 2})
-    if (const int along = orientation_along(axis, t[0], t[1], t[2]); along != 0) return -along;
-  return 0;
+  return -side_of_plane(t[0], t[1], t[2], p);
 }
 
 // The signed solid angle, positive seen from behind (Van Oosterom, Strackee, 1983).
@@ -128,10 +125,7 @@ void Cones::take_most_of(const Node& node, const Point& p, double& left) const {
 }
 
 bool is_seen_before(const std::array<Point, 3>& triangle, const Point& p) {
-  const auto& [a, b, c] = triangle;
-  int side = orientation(a, b, c, p);
-  for (int axis = 0; axis < 3 && side == 0; ++axis) side = orientation_along(axis, a, b, c);
-  return side > 0;
+  return side_of_plane(triangle[0], triangle[1], triangle[2], p) > 0;
 }
 
 BesideNumbers beside_triangle(const std::array<Point, 3>& triangle, int times, int whole,

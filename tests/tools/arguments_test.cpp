@@ -144,6 +144,15 @@ TEST(AbsoluteSize, PercentageIsOfTheSmallestSide) {
   const Box box{{-1, 0, 5}, {1, 4, 25}};
   EXPECT_EQ(absolute_size({50, true}, box), 1);
   EXPECT_EQ(absolute_size({0.5, false}, box), 0.5);
+  const Box flat{{0, 0, 1}, {20, 40, 1}};
+  EXPECT_EQ(absolute_size({0.5, false}, flat), 0.5);
+  try {
+    absolute_size({5, true}, flat);
+    ADD_FAILURE() << "a part of nothing";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("flat: give a length, such as 2,"), std::string::npos)
+        << e.what();
+  }
 }
 
 TEST(RequireWritable, NamesWhatIsWrong) {

@@ -129,6 +129,48 @@ TEST(WindingInput, ARefusalTellsHowMuchIsInDoubt) {
   EXPECT_EQ(unknown.find("in doubt"), std::string::npos) << unknown;
 }
 
+// What has something surely inside is more than sheets, however much of it is in doubt.
+TEST(WindingInput, ARefusalOfAnOpenBoxNamesAllThatClosesIt) {
+  const SurfaceFiles files;
+  const std::string open =
+      taken(files, box(10), {InsideRule::kClosed, 0, kMuch}, kBucketCapacity).refusal;
+  EXPECT_NE(open.find("locvol repair"), std::string::npos) << open;
+  EXPECT_NE(open.find("--inside winding (6"), std::string::npos) << open;
+  EXPECT_NE(open.find("locvol wrap"), std::string::npos) << open;
+  // Nothing is inside of two triangles that face away from each other.
+  Polygons flat;
+  flat.vertices = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0.1}};
+  flat.faces = {{0, 1, 2}, {0, 2, 3}, {0, 2, 1}, {0, 3, 2}};
+  const std::string nothing =
+      taken(files, flat, {InsideRule::kClosed, 0, kMuch}, kBucketCapacity).refusal;
+  EXPECT_NE(nothing.find("locvol wrap"), std::string::npos) << nothing;
+  EXPECT_EQ(nothing.find("--inside winding"), std::string::npos) << nothing;
+}
+
+// Parts that touch in a vertex, one above the other, are none in the other.
+TEST(WindingInput, PartsThatTouchInAVertexLieBesideEachOther) {
+  const SurfaceFiles files;
+  for (int axis = 0; axis < 3; ++axis) {
+    Polygons both;
+    for (const double center : {0.0, 2.0}) {
+      Polygons octahedron;
+      for (const double far : {1.0, -1.0})
+        for (int along = 0; along < 3; ++along) {
+          Point p;
+          p[along] = far;
+          p[axis] += center;
+          octahedron.vertices.push_back(p);
+        }
+      octahedron.faces = {{0, 1, 2}, {1, 3, 2}, {3, 4, 2}, {4, 0, 2},
+                          {1, 0, 5}, {3, 1, 5}, {4, 3, 5}, {0, 4, 5}};
+      both.append(octahedron);
+    }
+    const Taken touching = taken(files, both, kWound);
+    EXPECT_EQ(touching.refusal, "");
+    EXPECT_NEAR(touching.facts.volume, 8.0 / 3, 1e-12) << "along " << axis;
+  }
+}
+
 TEST(WindingInput, RefusesSheetsAndTooLittleMemory) {
   const SurfaceFiles files;
   Polygons square;

@@ -146,6 +146,31 @@ TEST(WindingNumberOf, WhatIsClosedIsWhole) {
   EXPECT_EQ(number.at({2.5, 0, 0}), 0);
 }
 
+// Coordinates are such that the place asked for often lies exactly on its triangle.
+TEST(WindingNumberOf, TetrahedraOfALatticeIsOneBehindEachTriangle) {
+  std::mt19937 random(7);
+  std::uniform_int_distribution<int> coordinate(-4, 4);
+  for (int round = 0; round < 2000; ++round) {
+    LooseSurface s;
+    for (int k = 0; k < 4; ++k)
+      s.vertices.push_back(
+          {0.5 * coordinate(random), 0.5 * coordinate(random), 0.5 * coordinate(random)});
+    const auto& [a, b, c, d] =
+        std::array{s.vertices[0], s.vertices[1], s.vertices[2], s.vertices[3]};
+    const double volume = dot(cross(b - a, c - a), d - a);
+    if (volume == 0) continue;
+    s.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+    if (volume < 0)
+      for (Face& t : s.triangles) std::swap(t[1], t[2]);
+    const WindingNumber number(chain_of(s));
+    for (std::size_t t = 0; t < 4; ++t) {
+      const auto [behind, before] = number.beside(t);
+      EXPECT_EQ(behind, 1) << "round " << round;
+      EXPECT_EQ(before, 0) << "round " << round;
+    }
+  }
+}
+
 TEST(WindingNumberOf, AnOpenBoxIsAHalfOnThePlaneOfItsHole) {
   LooseSurface open = box({0, 0, 0}, {1, 1, 1});
   open.triangles.resize(10);
@@ -593,17 +618,47 @@ TEST(WindingSurface, OfTrianglesWithoutNeighborsIsTheLevel) {
 }
 
 TEST(WindingSurface, ItsDoubtIsThatOfTheWholeBoxAroundASheet) {
-  EXPECT_EQ(winding_doubt(ball(3), nullptr), 0);
+  EXPECT_EQ(winding_doubt(ball(3), nullptr).share, 0);
   LooseSurface open = ball(3);
   open.triangles.pop_back();
   WindingChanges changes;
   wound(open, 0.1, changes);
-  EXPECT_GT(winding_doubt(open, nullptr), 0);
-  EXPECT_EQ(winding_doubt(open, nullptr), changes.doubt);
+  EXPECT_GT(winding_doubt(open, nullptr).share, 0);
+  EXPECT_EQ(winding_doubt(open, nullptr).share, changes.doubt);
+  EXPECT_NEAR(winding_doubt(open, nullptr).inside, std::numbers::pi / 6, 0.02);
+  for (Face& t : open.triangles) std::swap(t[1], t[2]);
+  EXPECT_NEAR(winding_doubt(open, nullptr).inside, std::numbers::pi / 6, 0.02);
   LooseSurface half = ball(3);
   std::erase_if(half.triangles, [&](const Face& t) { return half.vertices[t[0]].z < 0.3; });
   half.groups.resize(half.triangles.size());
-  EXPECT_GT(winding_doubt(half, nullptr), 0.5);
+  EXPECT_GT(winding_doubt(half, nullptr).share, 0.5);
+  LooseSurface square = box({0, 0, 0}, {1, 1, 1});
+  square.triangles.resize(2);
+  square.groups.resize(2);
+  EXPECT_EQ(winding_doubt(square, nullptr).inside, 0);
+  EXPECT_FALSE(winding_doubt(square, nullptr).is_nothing);
+  square.triangles.push_back({0, 1, 2});
+  square.triangles.push_back({1, 3, 2});
+  EXPECT_TRUE(winding_doubt(square, nullptr).is_nothing);
+}
+
+// Glued at a triangle that both have.
+TEST(WindingSurface, OfTwoTetrahedraIsTheSameInAnyOrder) {
+  LooseSurface s;
+  s.vertices = {{1, 0, 0}, {-0.5, 0.8660254, 0}, {-0.5, -0.8660254, 0}, {0, 0, 1}, {0, 0, -1}};
+  s.triangles = {{3, 0, 1}, {3, 1, 2}, {3, 2, 0}, {2, 1, 0},
+                 {4, 1, 0}, {4, 2, 1}, {4, 0, 2}, {2, 0, 1}};
+  s.groups.assign(8, 1);
+  std::mt19937 random(3);
+  for (int round = 0; round < 50; ++round) {
+    std::ranges::shuffle(s.triangles, random);
+    const LooseSurface found = wound(s);
+    EXPECT_EQ(found.triangles.size(), 6u);
+    double volume = 0;
+    for (const auto& [a, b, c] : found.triangles)
+      volume += dot(found.vertices[a], cross(found.vertices[b], found.vertices[c])) / 6;
+    EXPECT_NEAR(volume, 0.8660254, 1e-12);
+  }
 }
 
 TEST(WindingSurface, OfSheetsIsNothing) {
