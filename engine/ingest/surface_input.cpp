@@ -81,7 +81,8 @@ class SurfacePreparation {
     distribute_and_check();
     if (gives_faces_once()) part_by_regions();
     if (!weld_ && findings_.edges_that_count().border.count > 0) weld_open_edges();
-    if (has_winding() && !encloses_something()) {
+    has_crossing_cut_ = crosses_as_cut();
+    if (has_crossing_cut_ || (has_winding() && !encloses_something())) {
       if (!raw_.has_several_bodies) {
         take_what_is_wound_around();
         note_repairs();
@@ -117,7 +118,7 @@ class SurfacePreparation {
 
   // Of bodies the triangles are needed again.
   void distribute_and_check() {
-    distribute({}, !has_area() || raw_.has_several_bodies || has_winding());
+    distribute({}, !has_area() || raw_.has_several_bodies || has_winding() || is_cut());
     check(has_area() ? scope_ : CheckScope::kNeighbors);
   }
 
@@ -139,6 +140,16 @@ class SurfacePreparation {
     return edges.border.count == 0 && edges.overused.count == 0 && findings_.conflicts.count == 0 &&
            findings_.num_pinched == 0 && !findings_.intersection &&
            (drops_copies_ || !findings_.first_copy);
+  }
+
+  // From curved faces of a CAD file.
+  bool is_cut() const { return raw_.precision > 0; }
+  // Then it is no flaw of the file. Of one body: others may cross, and are cut along each other.
+  bool crosses_as_cut() const {
+    const EdgeCounts& edges = findings_.edges_that_count();
+    return is_cut() && winding_.inside == InsideRule::kClosed && !raw_.has_several_bodies &&
+           edges.border.count == 0 && edges.overused.count == 0 && findings_.conflicts.count == 0 &&
+           findings_.intersection;
   }
 
   void take_what_is_wound_around() {
@@ -805,6 +816,10 @@ class SurfacePreparation {
 
   void note_repairs() {
     notes_ = raw_.notes;
+    if (has_crossing_cut_)
+      notes_.push_back(
+          "facets that were cut from its curved faces cross: what they wind around is meshed; a "
+          "smaller --size cuts them finer");
     const std::uint64_t num_joined = welded_ ? welded_->num_joined : 0;
     // Of bodies that touch, each may have its own.
     if (!findings_.has_contacts && raw_.num_numbered_vertices > findings_.num_vertices + num_joined)
@@ -983,7 +998,8 @@ class SurfacePreparation {
   std::string tried_;                    // to close it
   std::map<MeetingBodies, Meeting> meetings_;
   std::uint64_t num_copies_ = 0;  // that were dropped before bodies were cut
-  double precision_ = 0;          // of coordinates, where bodies touch
+  bool has_crossing_cut_ = false;
+  double precision_ = 0;  // of coordinates, where bodies touch
   // Where bodies were nearer than gap_, or than coordinates tell: triangles that took vertices,
   // points that became others, and how far these were away.
   std::uint64_t num_brought_ = 0, num_joined_bodies_ = 0;

@@ -21,11 +21,12 @@ struct Taken {
   std::string refusal;
 };
 Taken taken(const SurfaceFiles& files, const Polygons& shape, const WindingLaw& law,
-            std::uint64_t capacity = kBucketCapacity) {
+            std::uint64_t capacity = kBucketCapacity, double precision = 0) {
   IngestWatch watch;
   Workers workers(2);
   try {
     RawSurface raw = read_surface(files.write("any.off", to_off(shape)), files.directory(), watch);
+    raw.precision = precision;
     const Frame frame = frame_of(raw.box);
     return {check_surface(std::move(raw), frame, watch, workers, capacity, IngestShare(),
                           std::nullopt, 0, 0, law)
@@ -145,6 +146,29 @@ TEST(WindingInput, ARefusalOfAnOpenBoxNamesAllThatClosesIt) {
       taken(files, flat, {InsideRule::kClosed, 0, kMuch}, kBucketCapacity).refusal;
   EXPECT_NE(nothing.find("locvol wrap"), std::string::npos) << nothing;
   EXPECT_EQ(nothing.find("--inside winding"), std::string::npos) << nothing;
+}
+
+// What is cut from curved faces may cross by as much as that is coarse: no flaw of the file's.
+TEST(WindingInput, FacetsOfCurvedFacesMayCross) {
+  const SurfaceFiles files;
+  constexpr WindingLaw kClosed{InsideRule::kClosed, 0.5, kMuch};
+  constexpr double kPrecision = 1e-7;
+  Polygons two = box(12);
+  two.append(box(12, {1, 1, 1}));
+  for (const std::uint64_t capacity : {kBucketCapacity, std::uint64_t{12}}) {
+    EXPECT_NE(taken(files, two, kClosed, capacity).refusal.find("intersects itself"),
+              std::string::npos);
+    const Taken cut = taken(files, two, kClosed, capacity, kPrecision);
+    EXPECT_EQ(cut.refusal, "");
+    EXPECT_NEAR(cut.facts.volume, 15, 1e-9);
+    EXPECT_TRUE(has_note(cut.facts, "cut from its curved faces cross"));
+    // What is sound stays as it is, and what is open is told.
+    const Taken sound = taken(files, box(12), kClosed, capacity, kPrecision);
+    EXPECT_EQ(sound.facts.num_triangles, 12u);
+    EXPECT_TRUE(sound.facts.notes.empty());
+    EXPECT_NE(taken(files, box(11), kClosed, capacity, kPrecision).refusal.find("not closed"),
+              std::string::npos);
+  }
 }
 
 // Parts that touch in a vertex, one above the other, are none in the other.
