@@ -47,9 +47,8 @@ LooseSurface winding_surface(const LooseSurface& surface, double spacing, double
                              WindingChanges& changes, const StopToken* stop);
 
 struct WindingDoubt {
-  double share = 0;  // WindingChanges::doubt
-  double inside =
-      0;  // the share of the box where the number exceeds 3/4: beside sheets nothing does
+  double share = 0;         // WindingChanges::doubt
+  double inside = 0;        // of the box, where the number exceeds 3/4: beside a sheet, nowhere
   bool is_nothing = false;  // all cancel each other
 };
 // These alone, in a part of the time. Where nothing is open, 0. Throws Stopped.
