@@ -108,8 +108,14 @@ SurfaceSide mirrors_of(const LeafDomain& domain, const Point& p, double reach, d
     const Point across = other.normal_here - other.normal;
     const double off = 2 * dot(other.normal, other.position - p) / dot(across, across);
     const Point way = off * across;
-    // And no gap. Through a stack of bodies, one would lead farther and farther aside.
-    const bool is_wall = is_one_body && is_in_body(domain.label(p - 0.5 * way));
+    // And no gap. Through a stack of bodies, one would lead farther and farther aside. Where sides
+    // lean towards each other, two points and their mirrors are in a circle, too, but seldom does a
+    // cell lead across from there, unless it is thin.
+    constexpr double kThin = 0.25, kParallel = -0.95;  // of what it may be; a cosine
+    const bool is_wall =
+        is_one_body &&
+        (dot(other.normal_here, other.normal) < kParallel || norm(way) < kThin * reach) &&
+        is_in_body(domain.label(p - 0.5 * way));
     const Point image = p - way + (is_wall ? sheared_across(way, reach) : Point{});
     MirrorPoint mirror;
     double least = reach * reach;
