@@ -61,14 +61,6 @@ int first_sign_of_cross(const Point& a, const Point& b, const Point& c, const Po
   return 0;
 }
 
-// Side of the triangle's plane on which p, moved, lies. Moving p by δ adds n·δ to the determinant.
-// 0 only for a triangle without area.
-int side_of_plane(const Triangle& t, const Point& p) {
-  const auto& [a, b, c] = t.corners;
-  const int s = orientation(a, b, c, p);
-  return s != 0 ? s : first_sign_of_cross(a, b, a, c);
-}
-
 // Turn of the directed line p -> q, moved, around the edge u -> v. Moving the line by δ takes
 // δ·((v - u) x (q - p)) from the determinant. 0 only where line and edge are parallel.
 int turn(const Point& p, const Point& q, const Point& u, const Point& v) {
@@ -80,8 +72,11 @@ int turn(const Point& p, const Point& q, const Point& u, const Point& v) {
 
 bool segment_crosses(const Point& p, const Point& q, const Triangle& triangle) {
   if (const auto crosses = crosses_for_certain(p, q, triangle)) return *crosses;
-  const int side = side_of_plane(triangle, p);
-  if (side == 0 || side_of_plane(triangle, q) == side) return false;
+  const auto side_of = [&](const Point& r) {
+    return side_of_plane(triangle.corners[0], triangle.corners[1], triangle.corners[2], r);
+  };
+  const int side = side_of(p);
+  if (side == 0 || side_of(q) == side) return false;
   const auto& [a, b, c] = triangle.corners;
   const int first = turn(p, q, a, b);
   return first != 0 && turn(p, q, b, c) == first && turn(p, q, c, a) == first;
