@@ -27,6 +27,8 @@
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <TopoDS_Iterator.hxx>
+#include <TopoDS_Shell.hxx>
+#include <TopoDS_Solid.hxx>
 #include <TransferBRep.hxx>
 #include <Transfer_TransientProcess.hxx>
 #include <XCAFApp_Application.hxx>
@@ -98,15 +100,18 @@ class PartCollector {
   void add_part(const TopoDS_Shape& placed, const std::string& name, const std::string& above,
                 const CadColor& color) {
     const TopoDS_Shape shape = placed.Located(TopLoc_Location());
-    Part part{{}, placed.Location().Transformation()};
+    const std::size_t first = file_.bodies.size();
     const auto add = [&](const TopoDS_Shape& body) {
-      Body added{body, name.empty() ? above : name, color};
+      Body added =
+          body_of(body.ShapeType() == TopAbs_SHELL ? solid_of({TopoDS::Shell(body)}) : body);
+      added.name = name.empty() ? above : name;
+      added.color = color;
       const void* key = body.TShape().get();
       if (const auto own = file_.names.find(key); own != file_.names.end())
         added.name = own->second;
       if (const auto own = file_.colors.find(key); own != file_.colors.end())
         added.color = own->second;
-      part.bodies.push_back(added);
+      file_.bodies.push_back(added);
     };
     for (TopExp_Explorer s(shape, TopAbs_SOLID); s.More(); s.Next())
       if (TopExp_Explorer(s.Current(), TopAbs_FACE).More()) add(s.Current());
@@ -117,21 +122,28 @@ class PartCollector {
         add_loose(s.Current().Moved(placed.Location()), TopAbs_SHAPE);
     add_loose(placed, TopAbs_SHELL);
     // Of a part that is one solid, the designer has named the part.
-    if (part.bodies.size() == 1 && !name.empty()) part.bodies.front().name = name;
-    if (!part.bodies.empty()) file_.parts.push_back(part);
+    if (file_.bodies.size() == first + 1 && !name.empty()) file_.bodies.back().name = name;
+    if (file_.bodies.size() > first) file_.places.push_back(placed.Location().Transformation());
   }
 
   void finish() {
     if (num_loose_ == 0) return;
     const std::size_t num_sewn = sew_faces();
-    if (file_.parts.empty())
-      file_.parts.push_back({{{loose_, {}, {}}}, gp_Trsf()});
-    else if (const std::size_t num_left = num_loose_ - std::min(num_sewn, num_loose_); num_left > 0)
+    if (file_.bodies.empty()) {
+      file_.bodies.push_back(body_of(loose_));
+      file_.places.emplace_back();
+    } else if (const std::size_t num_left = num_loose_ - std::min(num_sewn, num_loose_);
+               num_left > 0) {
       sink_.note("left out " + std::to_string(num_left) +
                  (num_left == 1 ? " face that bounds" : " faces that bound") + " no body");
+    }
   }
 
  private:
+  // Of the part that is at hand.
+  Body body_of(const TopoDS_Shape& shape) const {
+    return {shape, faces_of(shape), {}, {}, file_.places.size()};
+  }
   void add_loose(const TopoDS_Shape& shape, TopAbs_ShapeEnum avoid) {
     for (TopExp_Explorer f(shape, TopAbs_FACE, avoid); f.More(); f.Next()) {
       BRep_Builder().Add(loose_, f.Current());
@@ -148,15 +160,16 @@ class PartCollector {
     BRepBuilderAPI_Sewing sewing(tolerance);
     for (TopoDS_Iterator f(loose_); f.More(); f.Next()) sewing.Add(f.Value());
     sewing.Perform();
-    std::vector<TopoDS_Shape> shells;
+    std::vector<TopoDS_Shell> shells;
     TopTools_IndexedMapOfShape sewn;
     for (TopExp_Explorer s(sewing.SewedShape(), TopAbs_SHELL); s.More(); s.Next())
       if (BRep_Tool::IsClosed(s.Current())) {
-        shells.push_back(s.Current());
+        shells.push_back(TopoDS::Shell(s.Current()));
         TopExp::MapShapes(s.Current(), TopAbs_FACE, sewn);
       }
     if (shells.empty()) return 0;
-    file_.parts.push_back({bodies_of(shells), gp_Trsf()});
+    for (const TopoDS_Solid& body : bodies_of(shells)) file_.bodies.push_back(body_of(body));
+    file_.places.emplace_back();
     for (TopoDS_Iterator f(loose_); f.More(); f.Next()) keep_name(f.Value(), sewing);
     std::ostringstream text;
     text << "sewed " << sewn.Extent() << " faces that were in no solid, where they are closer than "
@@ -165,8 +178,15 @@ class PartCollector {
     return static_cast<std::size_t>(sewn.Extent());
   }
 
+  static TopoDS_Solid solid_of(const std::vector<TopoDS_Shell>& shells) {
+    TopoDS_Solid solid;
+    BRep_Builder().MakeSolid(solid);
+    for (const TopoDS_Shell& shell : shells) BRep_Builder().Add(solid, shell);
+    return solid;
+  }
+
   // A shell in another is a cavity of it.
-  std::vector<Body> bodies_of(const std::vector<TopoDS_Shape>& shells) {
+  static std::vector<TopoDS_Solid> bodies_of(const std::vector<TopoDS_Shell>& shells) {
     std::vector<Bnd_Box> boxes(shells.size());
     for (std::size_t s = 0; s < shells.size(); ++s) BRepBndLib::Add(shells[s], boxes[s]);
     const auto lies_in = [&](std::size_t s, std::size_t other) {
@@ -176,10 +196,7 @@ class PartCollector {
         return false;
       const gp_Pnt p =
           BRep_Tool::Pnt(TopoDS::Vertex(TopExp_Explorer(shells[s], TopAbs_VERTEX).Current()));
-      TopoDS_Solid solid;
-      BRep_Builder().MakeSolid(solid);
-      BRep_Builder().Add(solid, shells[other]);
-      BRepClass3d_SolidClassifier classifier(solid);
+      BRepClass3d_SolidClassifier classifier(solid_of({shells[other]}));
       classifier.PerformInfinitePoint(Precision::Confusion());
       const TopAbs_State outside = classifier.State();
       classifier.Perform(p, Precision::Confusion());
@@ -191,15 +208,13 @@ class PartCollector {
       while (around < shells.size() && (around == s || !lies_in(s, around))) ++around;
       outer.push_back(around);
     }
-    std::vector<Body> made;
+    std::vector<TopoDS_Solid> made;
     for (std::size_t s = 0; s < shells.size(); ++s) {
       if (outer[s] < shells.size()) continue;
-      TopoDS_Compound body;
-      BRep_Builder().MakeCompound(body);
-      BRep_Builder().Add(body, shells[s]);
+      std::vector<TopoDS_Shell> body = {shells[s]};
       for (std::size_t in = 0; in < shells.size(); ++in)
-        if (outer[in] == s) BRep_Builder().Add(body, shells[in]);
-      made.push_back({body, {}, {}});
+        if (outer[in] == s) body.push_back(shells[in]);
+      made.push_back(solid_of(body));
     }
     return made;
   }
@@ -434,6 +449,16 @@ void read_brep(const std::string& path, PartCollector& parts) {
 
 }  // namespace
 
+std::vector<BodyFace> faces_of(const TopoDS_Shape& shape) {
+  TopTools_IndexedMapOfShape faces;
+  TopExp::MapShapes(shape, TopAbs_FACE, faces);
+  std::vector<BodyFace> bounding;
+  for (int f = 1; f <= faces.Extent(); ++f)
+    if (faces(f).Orientation() <= TopAbs_REVERSED)  // else it lies within
+      bounding.push_back({faces(f).TShape().get(), {TopoDS::Face(faces(f))}});
+  return bounding;
+}
+
 ShapeFile read_shapes(const std::string& path, CadFormat format, Sink& sink) {
   ShapeFile file;
   PartCollector parts(file, sink);
@@ -449,7 +474,7 @@ ShapeFile read_shapes(const std::string& path, CadFormat format, Sink& sink) {
       break;
   }
   parts.finish();
-  if (file.parts.empty())
+  if (file.bodies.empty())
     throw Refusal("has no faces: export the solids of the model, not its lines or drawings");
   return file;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Standard_Failure.hxx>
+#include <TopoDS_Face.hxx>
 #include <TopoDS_Shape.hxx>
 #include <gp_Trsf.hxx>
 #include <stdexcept>
@@ -19,26 +20,34 @@ class Refusal : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
-struct Body {
-  TopoDS_Shape shape;  // a solid or a shell; where there is none that is closed, loose faces
-  std::string name;    // empty: it has none
-  CadColor color;
+
+// A face of the file.
+struct BodyFace {
+  const void* key;                  // its TopoDS_TShape as it was read
+  std::vector<TopoDS_Face> pieces;  // the body is on their inner side
 };
 
-// Bodies of one part of an assembly, which may have faces in common.
-struct Part {
-  std::vector<Body> bodies;
-  gp_Trsf place;  // of the part in the assembly
+struct Body {
+  TopoDS_Shape shape;  // a solid; where there is none, loose faces
+  std::vector<BodyFace> faces;
+  std::string name;  // empty: it has none
+  CadColor color;
+  std::size_t part = 0;
 };
 
 struct ShapeFile {
-  std::vector<Part> parts;
+  std::vector<Body> bodies;
+  // Parts of an assembly, whose bodies may have faces in common: where each is in it.
+  std::vector<gp_Trsf> places;
   // By TopoDS_TShape. Names are looked up, and nothing depends on their order.
   std::unordered_map<const void*, std::string> names;
   std::unordered_map<const void*, CadColor> colors;
   double unit_mm = 1;  // of the file's lengths; shapes are in millimeters
   std::string unit;    // its name; empty: the format has none
 };
+
+// The faces that bound a shape, each one piece.
+std::vector<BodyFace> faces_of(const TopoDS_Shape& shape);
 
 // Notes go to the sink. Throws Refusal, Standard_Failure, std::bad_alloc.
 ShapeFile read_shapes(const std::string& file, CadFormat format, Sink& sink);

@@ -24,62 +24,51 @@
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <tuple>
+#include <utility>
 
 namespace locvol::cad {
 namespace {
 
-// Bodies that have faces or edges in common are cut together, so that these are cut once.
-std::vector<std::vector<std::size_t>> joined_bodies(const Part& part) {
-  std::vector<std::size_t> parents(part.bodies.size());
+// Bodies of one part that have faces or edges in common are cut together, so that these are cut
+// once. By body: the first of those that it is cut with.
+std::vector<std::size_t> first_joined(const std::vector<Body>& bodies) {
+  std::vector<std::size_t> parents(bodies.size());
   std::iota(parents.begin(), parents.end(), std::size_t{0});
   const auto root_of = [&](std::size_t b) {
     while (parents[b] != b) b = parents[b] = parents[parents[b]];
     return b;
   };
-  TopTools_IndexedMapOfShape edges;
-  std::vector<std::size_t> first_with;  // by edge
-  for (std::size_t b = 0; b < part.bodies.size(); ++b)
-    for (TopExp_Explorer e(part.bodies[b].shape, TopAbs_EDGE); e.More(); e.Next()) {
+  struct Edges {
+    TopTools_IndexedMapOfShape all;
+    std::vector<std::size_t> first_with;  // by edge
+  };
+  std::map<std::size_t, Edges> edges_of;  // by part
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    auto& [edges, first_with] = edges_of[bodies[b].part];
+    for (TopExp_Explorer e(bodies[b].shape, TopAbs_EDGE); e.More(); e.Next()) {
       const auto edge = static_cast<std::size_t>(edges.Add(e.Current()) - 1);
       if (edge == first_with.size()) first_with.push_back(b);
       const std::size_t one = root_of(first_with[edge]), other = root_of(b);
       parents[std::max(one, other)] = std::min(one, other);
     }
-  std::vector<std::vector<std::size_t>> joined(part.bodies.size());
-  for (std::size_t b = 0; b < part.bodies.size(); ++b) joined[root_of(b)].push_back(b);
-  std::erase_if(joined, [](const auto& bodies) { return bodies.empty(); });
-  return joined;
+  }
+  for (std::size_t b = 0; b < bodies.size(); ++b) parents[b] = root_of(b);
+  return parents;
 }
 
-class PartTriangulator {
+// What bodies that are cut together have between them, while faces are given away one by one.
+class JoinedFaces {
  public:
-  PartTriangulator(const ShapeFile& file, const CadLaw& law, Sink& sink)
-      : file_(file), law_(law), sink_(sink) {}
-
-  void run(const Part& part) {
-    for (const std::vector<std::size_t>& bodies : joined_bodies(part)) {
-      cut_edges(part, bodies);
-      for (const std::size_t b : bodies) cut_faces(part.bodies[b], part.place);
-      clear();
-    }
-  }
-
-  std::size_t num_failed() const { return num_failed_; }
-
- private:
-  void cut_edges(const Part& part, const std::vector<std::size_t>& bodies) {
+  // Cuts the edges. Throws Refusal.
+  JoinedFaces(const std::vector<const Body*>& bodies, const IMeshTools_Parameters& parameters)
+      : context_(new BRepMesh_Context), num_bodies_(bodies.size()) {
     TopoDS_Compound all;
     BRep_Builder().MakeCompound(all);
-    for (const std::size_t b : bodies) BRep_Builder().Add(all, part.bodies[b].shape);
+    for (const Body* body : bodies) BRep_Builder().Add(all, body->shape);
     BRepTools::Clean(all);  // of triangles that the file has
-    count_uses(part, bodies);
-    context_ = new BRepMesh_Context;
-    IMeshTools_Parameters& parameters = context_->ChangeParameters();
-    parameters.Deflection = parameters.DeflectionInterior = law_.deflection * file_.unit_mm;
-    parameters.Angle = parameters.AngleInterior = law_.angle_degrees * std::numbers::pi / 180;
-    parameters.MinSize = std::max(IMeshTools_Parameters::RelMinSize() * parameters.Deflection,
-                                  Precision::Confusion());
-    parameters.CleanModel = false;
+    for (const Body* body : bodies) count_uses(*body);
+    context_->ChangeParameters() = parameters;
     context_->SetShape(all);
     const bool has_edges = context_->BuildModel() && context_->DiscretizeEdges();
     if (!has_edges || !context_->HealModel() || !context_->PreProcessModel())
@@ -89,72 +78,61 @@ class PartTriangulator {
       places_.emplace(faces_.Add(model->GetFace(f)->GetFace()), f);
   }
 
-  void count_uses(const Part& part, const std::vector<std::size_t>& bodies) {
-    for (const std::size_t b : bodies) {
-      TopTools_IndexedMapOfShape faces;
-      TopExp::MapShapes(part.bodies[b].shape, TopAbs_FACE, faces);
-      for (int f = 1; f <= faces.Extent(); ++f) {
-        const auto face = static_cast<std::size_t>(used_.Add(faces(f)) - 1);
-        if (face == num_uses_.size()) num_uses_.push_back(0);
-        ++num_uses_[face];
-      }
-    }
-  }
-
-  void cut_faces(const Body& body, const gp_Trsf& place) {
-    sink_.body(body.name);
-    TopTools_IndexedMapOfShape faces;
-    TopExp::MapShapes(body.shape, TopAbs_FACE, faces);
-    for (int f = 1; f <= faces.Extent(); ++f) {
-      const TopoDS_Face& face = TopoDS::Face(faces(f));
-      if (face.Orientation() > TopAbs_REVERSED) continue;  // it lies within, and bounds nothing
-      const void* key = face.TShape().get();
-      const auto name = file_.names.find(key);
-      const auto own = file_.colors.find(key);
-      sink_.face(name == file_.names.end() ? std::string() : name->second,
-                 own == file_.colors.end() ? body.color : own->second);
-      sink_.triangles(placed(corners_of(face), place));
-    }
-  }
-
-  // Of a face that two bodies have, they are kept until the second has got them.
-  std::vector<CadTriangle> corners_of(const TopoDS_Face& face) {
+  // As seen from where the face's body is not; nothing: the face cannot be cut. One that two bodies
+  // have is kept until the second has got it.
+  std::vector<CadTriangle> triangles_of(const TopoDS_Face& face) {
     const int number = used_.FindIndex(face);
+    const bool is_last = --num_uses_[static_cast<std::size_t>(number - 1)] == 0;
     if (const auto held = held_.find(number); held != held_.end()) {
-      std::vector<CadTriangle> corners = held->second;
-      // The other body is on its other side.
-      for (CadTriangle& c : corners)
-        for (std::size_t axis = 0; axis < 3; ++axis) std::swap(c[axis], c[3 + axis]);
-      if (--num_uses_[static_cast<std::size_t>(number - 1)] == 0) held_.erase(held);
-      return corners;
+      std::vector<CadTriangle> triangles = held->second.triangles;
+      if (face.Orientation() != held->second.orientation) turn(triangles);
+      if (is_last) held_.erase(held);
+      return triangles;
     }
-    std::vector<CadTriangle> corners = triangulated(face);
-    if (--num_uses_[static_cast<std::size_t>(number - 1)] > 0) held_.emplace(number, corners);
-    return corners;
+    std::vector<CadTriangle> triangles = cut(face);
+    if (!is_last) held_.emplace(number, Held{triangles, face.Orientation()});
+    return triangles;
   }
 
-  std::vector<CadTriangle> triangulated(const TopoDS_Face& face) {
+  // True: the faces of all bodies have been given away.
+  bool end_body() { return --num_bodies_ == 0; }
+
+  static void turn(std::vector<CadTriangle>& triangles) {
+    for (CadTriangle& c : triangles)
+      for (std::size_t axis = 0; axis < 3; ++axis) std::swap(c[axis], c[3 + axis]);
+  }
+
+ private:
+  struct Held {
+    std::vector<CadTriangle> triangles;
+    TopAbs_Orientation orientation;
+  };
+
+  void count_uses(const Body& body) {
+    for (const BodyFace& face : body.faces)
+      for (const TopoDS_Face& piece : face.pieces) {
+        const auto number = static_cast<std::size_t>(used_.Add(piece) - 1);
+        if (number == num_uses_.size()) num_uses_.push_back(0);
+        ++num_uses_[number];
+      }
+  }
+
+  std::vector<CadTriangle> cut(const TopoDS_Face& face) {
     const auto place = places_.find(faces_.FindIndex(face));
-    if (place == places_.end()) {  // it has no surface
-      ++num_failed_;
-      return {};
-    }
-    const IMeshData::IFaceHandle& cut = context_->GetModel()->GetFace(place->second);
-    if (!cut->IsSet(IMeshData_Failure)) try {
+    if (place == places_.end()) return {};  // it has no surface
+    const IMeshData::IFaceHandle& model = context_->GetModel()->GetFace(place->second);
+    if (!model->IsSet(IMeshData_Failure)) try {
         const Handle(IMeshTools_MeshAlgo) algorithm =
-            algorithms_->GetAlgo(cut->GetSurface()->GetType(), context_->GetParameters());
+            algorithms_->GetAlgo(model->GetSurface()->GetType(), context_->GetParameters());
         if (!algorithm.IsNull())
-          algorithm->Perform(cut, context_->GetParameters(), Message_ProgressRange());
+          algorithm->Perform(model, context_->GetParameters(), Message_ProgressRange());
       } catch (const Standard_Failure&) {
         // There is no triangulation then.
       }
     TopLoc_Location location;
     const Handle(Poly_Triangulation) triangles = BRep_Tool::Triangulation(face, location);
-    if (triangles.IsNull() || triangles->NbTriangles() == 0) {
-      ++num_failed_;
-      return {};
-    }
-    const std::vector<gp_Pnt> nodes = nodes_of(*triangles, location, cut);
+    if (triangles.IsNull()) return {};
+    const std::vector<gp_Pnt> nodes = nodes_of(*triangles, location, model);
     std::vector<CadTriangle> corners;
     corners.reserve(static_cast<std::size_t>(triangles->NbTriangles()));
     const bool is_turned = face.Orientation() == TopAbs_REVERSED;
@@ -203,6 +181,64 @@ class PartTriangulator {
     return nodes;
   }
 
+  const Handle(BRepMesh_MeshAlgoFactory) algorithms_ = new BRepMesh_MeshAlgoFactory;
+  Handle(BRepMesh_Context) context_;
+  std::size_t num_bodies_;  // that are still to come
+  TopTools_IndexedMapOfShape faces_, used_;
+  std::map<int, int> places_;  // in the model, by number in faces_
+  std::vector<int> num_uses_;  // that are still to come, by used_
+  std::map<int, Held> held_;   // likewise
+};
+
+// Bodies in the order of the file.
+class Triangulator {
+ public:
+  Triangulator(const ShapeFile& file, const CadLaw& law, Sink& sink)
+      : file_(file), sink_(sink), firsts_(first_joined(file.bodies)) {
+    for (std::size_t b = 0; b < file.bodies.size(); ++b)
+      with_[firsts_[b]].push_back(&file.bodies[b]);
+    parameters_.Deflection = parameters_.DeflectionInterior = law.deflection * file.unit_mm;
+    parameters_.Angle = parameters_.AngleInterior = law.angle_degrees * std::numbers::pi / 180;
+    parameters_.MinSize = std::max(IMeshTools_Parameters::RelMinSize() * parameters_.Deflection,
+                                   Precision::Confusion());
+    parameters_.CleanModel = false;
+  }
+
+  void run() {
+    for (std::size_t b = 0; b < file_.bodies.size(); ++b) {
+      JoinedFaces& joined = joined_with(b);
+      cut_faces(file_.bodies[b], joined);
+      if (joined.end_body()) joined_.erase(firsts_[b]);
+    }
+    if (num_failed_ > 0)
+      sink_.note("left out " + std::to_string(num_failed_) +
+                 (num_failed_ == 1 ? " face" : " faces") +
+                 " that OpenCASCADE cannot cut into triangles");
+  }
+
+ private:
+  JoinedFaces& joined_with(std::size_t body) {
+    if (firsts_[body] == body)
+      joined_.emplace(std::piecewise_construct, std::tuple(body),
+                      std::tuple(with_.at(body), parameters_));
+    return joined_.at(firsts_[body]);
+  }
+
+  void cut_faces(const Body& body, JoinedFaces& joined) {
+    sink_.body(body.name);
+    for (const BodyFace& face : body.faces) {
+      const auto name = file_.names.find(face.key);
+      const auto own = file_.colors.find(face.key);
+      sink_.face(name == file_.names.end() ? std::string() : name->second,
+                 own == file_.colors.end() ? body.color : own->second);
+      for (const TopoDS_Face& piece : face.pieces) {
+        const std::vector<CadTriangle> triangles = joined.triangles_of(piece);
+        if (triangles.empty()) ++num_failed_;
+        sink_.triangles(placed(triangles, file_.places[body.part]));
+      }
+    }
+  }
+
   std::vector<CadTriangle> placed(std::vector<CadTriangle> triangles, const gp_Trsf& place) const {
     const bool is_moved = place.Form() != gp_Identity;
     for (CadTriangle& c : triangles) {
@@ -212,31 +248,17 @@ class PartTriangulator {
         c[i] = p.X() / file_.unit_mm, c[i + 1] = p.Y() / file_.unit_mm,
         c[i + 2] = p.Z() / file_.unit_mm;
       }
-      if (is_moved && place.IsNegative())
-        for (std::size_t axis = 0; axis < 3; ++axis) std::swap(c[axis], c[3 + axis]);
     }
+    if (is_moved && place.IsNegative()) JoinedFaces::turn(triangles);
     return triangles;
   }
 
-  void clear() {
-    context_.Nullify();
-    faces_.Clear();
-    places_.clear();
-    used_.Clear();
-    num_uses_.clear();
-    held_.clear();
-  }
-
   const ShapeFile& file_;
-  const CadLaw& law_;
   Sink& sink_;
-  const Handle(BRepMesh_MeshAlgoFactory) algorithms_ = new BRepMesh_MeshAlgoFactory;
-  // Of the bodies at hand.
-  Handle(BRepMesh_Context) context_;
-  TopTools_IndexedMapOfShape faces_, used_;
-  std::map<int, int> places_;                     // in the model, by number in faces_
-  std::vector<int> num_uses_;                     // that are still to come, by used_
-  std::map<int, std::vector<CadTriangle>> held_;  // likewise
+  IMeshTools_Parameters parameters_;
+  std::vector<std::size_t> firsts_;                       // by body: with which it is cut
+  std::map<std::size_t, std::vector<const Body*>> with_;  // by the first
+  std::map<std::size_t, JoinedFaces> joined_;             // those that are at hand, likewise
   std::size_t num_failed_ = 0;
 };
 
@@ -245,16 +267,13 @@ class PartTriangulator {
 CadFacts facts_of(const ShapeFile& file) {
   CadFacts facts;
   Bnd_Box all;
-  for (const Part& part : file.parts)
-    for (const Body& body : part.bodies) {
-      Bnd_Box box;
-      BRepBndLib::AddOptimal(body.shape.Moved(part.place, false), box, false, false);
-      all.Add(box);
-      ++facts.num_bodies;
-      TopTools_IndexedMapOfShape faces;
-      TopExp::MapShapes(body.shape, TopAbs_FACE, faces);
-      facts.num_faces += static_cast<std::uint64_t>(faces.Extent());
-    }
+  for (const Body& body : file.bodies) {
+    Bnd_Box box;
+    BRepBndLib::AddOptimal(body.shape.Moved(file.places[body.part], false), box, false, false);
+    all.Add(box);
+    ++facts.num_bodies;
+    facts.num_faces += body.faces.size();
+  }
   if (all.IsVoid() || all.IsOpen())
     throw Refusal("has faces without an end: export the solids of the model");
   all.SetGap(0);
@@ -270,11 +289,7 @@ CadFacts facts_of(const ShapeFile& file) {
 }
 
 void triangulate(const ShapeFile& file, const CadLaw& law, Sink& sink) {
-  PartTriangulator triangulator(file, law, sink);
-  for (const Part& part : file.parts) triangulator.run(part);
-  if (const std::size_t failed = triangulator.num_failed(); failed > 0)
-    sink.note("left out " + std::to_string(failed) + (failed == 1 ? " face" : " faces") +
-              " that OpenCASCADE cannot cut into triangles");
+  Triangulator(file, law, sink).run();
 }
 
 }  // namespace locvol::cad

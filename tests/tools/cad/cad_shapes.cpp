@@ -12,9 +12,11 @@
 #include <BRepOffsetAPI_MakeThickSolid.hxx>
 #include <BRepOffsetAPI_ThruSections.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRepPrimAPI_MakePrism.hxx>
 #include <BRepPrimAPI_MakeRevol.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
 #include <BRepTools.hxx>
 #include <BRep_Builder.hxx>
 #include <GProp_GProps.hxx>
@@ -209,7 +211,37 @@ std::vector<CadShape> cad_shapes() {
   return all;
 }
 
+std::vector<CadShape> cad_contacts() {
+  // Pins are turned, so that nothing of their circles is at the same place as in the holes.
+  const auto pin = [](double x, double y, double radius, double turn) {
+    return only_solid(BRepBuilderAPI_Transform(
+                          cylinder(0, 0, -3, radius, 18),
+                          moved(box(0, 0, 0, 1, 1, 1), x, y, 0, turn).Location().Transformation(),
+                          true)
+                          .Shape());
+  };
+  const TopoDS_Shape block = box(0, 0, 0, 40, 40, 40);
+  const TopoDS_Shape ball = BRepPrimAPI_MakeSphere(gp_Pnt(20, 20, 40), 9).Shape();
+  const TopoDS_Shape peg = BRepPrimAPI_MakeCone(upright(20, 20, -5), 12, 6, 50).Shape();
+  const TopoDS_Shape bolt = only_solid(cylinder(0, 0, 0, 5, 20));
+  return {{"pins",
+           {plate(), pin(15, 15, 6, 0.1), pin(65, 15, 6, 0.47), pin(40, 35, 6, 1.1)},
+           {"plate", "pin", "pin", "pin"}},
+          {"pressed", {plate(), pin(15, 15, 6.3, 0.1)}},
+          {"ball", {only_solid(cut(block, ball)), ball}},
+          {"peg", {only_solid(cut(block, peg)), peg}},
+          {"within", {block, box(10, 10, 0, 20, 20, 20)}},
+          {"stacked", {block, box(25, 25, 40, 30, 30, 10), box(-10, 5, 50, 45, 45, 8)}},
+          {"rack",
+           {moved(bolt, 0, 0, 0, 0), moved(bolt, 0, 0, 20, 0.4), moved(bolt, 3, 0, 40, 0)},
+           {},
+           {},
+           true}};
+}
+
 CadShape cad_shape(const std::string& name) {
+  for (const CadShape& shape : cad_contacts())
+    if (shape.name == name) return shape;
   for (const CadShape& shape : cad_shapes())
     if (shape.name == name) return shape;
   throw std::invalid_argument("there is no shape " + name);
@@ -219,6 +251,12 @@ double volume_of(const TopoDS_Shape& shape) {
   GProp_GProps facts;
   BRepGProp::VolumeProperties(shape, facts);
   return facts.Mass();
+}
+
+double united_volume_of(const std::vector<TopoDS_Shape>& shapes) {
+  TopoDS_Shape all = shapes.front();
+  for (std::size_t s = 1; s < shapes.size(); ++s) all = BRepAlgoAPI_Fuse(all, shapes[s]).Shape();
+  return volume_of(all);
 }
 
 TopoDS_Shape shell_without_a_face(const TopoDS_Shape& solid) {
