@@ -317,7 +317,8 @@ class BodyCutter {
     for (; !cutters_.is_empty() && cutters_.front().triangle == met.triangle.id; cutters_.pop()) {
       const Cutter& cutter = cutters_.front();
       if (cutter.id == std::exchange(last, cutter.id)) continue;  // another cell told, too
-      if (parts_.find(cutter.body) == parts_.find(met.body)) continue;
+      // What lies across a needle's longest edge gets its third corner, for the needle goes.
+      if (parts_.find(cutter.body) == parts_.find(met.body) && !is_needle(cutter.corners)) continue;
       if (++met.num_cutters > kMostCutters) continue;
       met.cutters.push_back(cutter.corners);
       met.bodies.push_back(cutter.body);
@@ -330,9 +331,12 @@ class BodyCutter {
     const bool is_met = !met.cutters.empty() && met.num_cutters <= kMostCutters;
     if (near_.distance == 0)
       return is_met ? cut_triangle(corners, met.cutters) : TrianglePieces{{corners}};
-    return is_met || (near_.has_needles && height_of(corners) < near_.distance)
-               ? imprinted_triangle(corners, met.cutters, near_.distance)
-               : TrianglePieces{{corners}};
+    return is_met || is_needle(corners) ? imprinted_triangle(corners, met.cutters, near_.distance)
+                                        : TrianglePieces{{corners}};
+  }
+
+  bool is_needle(const std::array<Point, 3>& corners) const {
+    return near_.has_needles && height_of(corners) < near_.distance;
   }
 
   // Piece after piece of one triangle of the file is numbered.
@@ -355,6 +359,7 @@ class BodyCutter {
     std::vector<std::uint32_t> others = met.bodies;
     sort_and_unite(others);
     for (const std::uint32_t other : others) {
+      if (parts_.find(other) == parts_.find(met.body)) continue;
       Meeting& meeting = result_.meetings[{std::min(met.body, other), std::max(met.body, other)}];
       ++meeting.num_cut[met.body < other ? 0 : 1];
       if (!meeting.place)

@@ -16,6 +16,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -931,6 +932,33 @@ TEST_F(Bodies, NearerThanAGapTouch) {
       }
     }
   }
+}
+
+// What lies across its longest edge gets its corner, also where no other body is near.
+TEST_F(Bodies, ANeedleThatGoesForAGapLeavesItsBodyClosed) {
+  Shape apart = box({5, 0, 0}, {6, 1, 1});
+  auto& [a, b, c] = apart.triangles.front();
+  const auto length = [&](std::uint32_t from, std::uint32_t to) {
+    return norm(apart.vertices[to] - apart.vertices[from]);
+  };
+  while (length(a, b) < std::max(length(b, c), length(c, a)))
+    std::tie(a, b, c) = std::tuple(b, c, a);
+  const Point middle = 0.5 * (apart.vertices[a] + apart.vertices[b]);
+  const auto p = static_cast<std::uint32_t>(apart.vertices.size());
+  apart.vertices.push_back(middle + 0.01 * (apart.vertices[c] - middle));
+  const std::array<std::uint32_t, 3> whole = {a, b, c};
+  c = p;
+  apart.triangles.push_back({whole[1], whole[2], p});
+  apart.triangles.push_back({whole[2], whole[0], p});
+
+  MeshOptions options = this->options(
+      {off("left", kLeftCube), off("right", box({1.01, 0, 0}, {2, 1, 1})), off("apart", apart)},
+      0.2);
+  options.gap = {0.02, false};
+  const Contents contents = meshed(options, "run");
+  EXPECT_EQ(contents.run.counts.num_unresolved, 0U);
+  ASSERT_EQ(contents.sheets.bodies.size(), 3U);
+  EXPECT_NEAR(contents.sheets.bodies[2].volume, 1, 1e-12);
 }
 
 // As in binary STL, and as streams write them: no face lies exactly in another's plane.
