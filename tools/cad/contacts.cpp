@@ -16,6 +16,7 @@
 #include <TopoDS_Compound.hxx>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -205,9 +206,11 @@ class Fusion {
       face.pieces.clear();
       for (const TopoDS_Shape& piece : pieces) {
         const int side = sides.FindIndex(piece);
-        int& num_uses = uses[static_cast<std::size_t>(std::max(side, 1) - 1)];
-        if (side == 0 || num_uses != 1) continue;
-        num_uses = 0;
+        if (side == 0) continue;
+        if (int& num_uses = uses[static_cast<std::size_t>(side - 1)]; num_uses == 1)
+          num_uses = 0;
+        else
+          continue;
         face.pieces.push_back(TopoDS::Face(sides(side)));
         BRep_Builder().Add(all, sides(side));
       }
