@@ -85,6 +85,17 @@ CadColor color_of(const Quantity_Color& color) {
   return {1, byte(red), byte(green), byte(blue)};
 }
 
+// The faces that bound a shape, each one piece.
+std::vector<BodyFace> faces_of(const TopoDS_Shape& shape) {
+  TopTools_IndexedMapOfShape faces;
+  TopExp::MapShapes(shape, TopAbs_FACE, faces);
+  std::vector<BodyFace> bounding;
+  for (int f = 1; f <= faces.Extent(); ++f)
+    if (faces(f).Orientation() <= TopAbs_REVERSED)  // else it lies within
+      bounding.push_back({faces(f).TShape().get(), {TopoDS::Face(faces(f))}});
+  return bounding;
+}
+
 // ---- The document
 
 // Solids, and shells that are closed, bound a body each. Faces that are in none are sewn where they
@@ -448,16 +459,6 @@ void read_brep(const std::string& path, PartCollector& parts) {
 }
 
 }  // namespace
-
-std::vector<BodyFace> faces_of(const TopoDS_Shape& shape) {
-  TopTools_IndexedMapOfShape faces;
-  TopExp::MapShapes(shape, TopAbs_FACE, faces);
-  std::vector<BodyFace> bounding;
-  for (int f = 1; f <= faces.Extent(); ++f)
-    if (faces(f).Orientation() <= TopAbs_REVERSED)  // else it lies within
-      bounding.push_back({faces(f).TShape().get(), {TopoDS::Face(faces(f))}});
-  return bounding;
-}
 
 ShapeFile read_shapes(const std::string& path, CadFormat format, Sink& sink) {
   ShapeFile file;

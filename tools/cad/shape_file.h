@@ -28,7 +28,7 @@ struct BodyFace {
 };
 
 struct Body {
-  TopoDS_Shape shape;  // a solid; where there is none, loose faces
+  TopoDS_Shape shape;  // a solid; of loose faces, or of those of a fused solid, a compound
   std::vector<BodyFace> faces;
   std::string name;  // empty: it has none
   CadColor color;
@@ -45,9 +45,6 @@ struct ShapeFile {
   double unit_mm = 1;  // of the file's lengths; shapes are in millimeters
   std::string unit;    // its name; empty: the format has none
 };
-
-// The faces that bound a shape, each one piece.
-std::vector<BodyFace> faces_of(const TopoDS_Shape& shape);
 
 // Notes go to the sink. Throws Refusal, Standard_Failure, std::bad_alloc.
 ShapeFile read_shapes(const std::string& file, CadFormat format, Sink& sink);
