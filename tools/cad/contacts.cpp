@@ -22,6 +22,8 @@
 #include <optional>
 #include <utility>
 
+#include "octree/disjoint_sets.h"
+
 namespace locvol::cad {
 namespace {
 
@@ -58,10 +60,8 @@ std::vector<PlacedBody> placed_solids(const ShapeFile& file) {
 
 class Contacts {
  public:
-  explicit Contacts(const ShapeFile& file) : file_(file), placed_(placed_solids(file)) {
-    parents_.resize(placed_.size());
-    std::iota(parents_.begin(), parents_.end(), std::size_t{0});
-  }
+  explicit Contacts(const ShapeFile& file)
+      : file_(file), placed_(placed_solids(file)), sets_(placed_.size()) {}
 
   // Bodies each of which may touch another of them. In order.
   ContactGroups groups() {
@@ -73,24 +73,19 @@ class Contacts {
     for (const std::size_t p : order) {
       std::erase_if(open, [&](std::size_t o) { return placed_[o].box.CornerMax().X() < left(p); });
       for (const std::size_t o : open)
-        if (root_of(o) != root_of(p) && may_touch(o, p))
-          parents_[std::max(root_of(o), root_of(p))] = std::min(root_of(o), root_of(p));
+        if (sets_.find(o) != sets_.find(p) && may_touch(o, p)) sets_.unite(o, p);
       open.push_back(p);
     }
     std::map<std::size_t, std::vector<std::size_t>> groups;
-    for (std::size_t p = 0; p < placed_.size(); ++p) groups[root_of(p)].push_back(placed_[p].body);
+    for (std::size_t p = 0; p < placed_.size(); ++p)
+      groups[sets_.find(p)].push_back(placed_[p].body);
     ContactGroups several;
-    for (auto& [root, bodies] : groups)
+    for (auto& [first, bodies] : groups)
       if (bodies.size() > 1) several.push_back(std::move(bodies));
     return several;
   }
 
  private:
-  std::size_t root_of(std::size_t p) {
-    while (parents_[p] != p) p = parents_[p] = parents_[parents_[p]];
-    return p;
-  }
-
   // Solids of one part that have a face in common have been made so: they touch nowhere else.
   bool may_touch(std::size_t one, std::size_t other) {
     PlacedBody &a = placed_[one], &b = placed_[other];
@@ -118,7 +113,7 @@ class Contacts {
 
   const ShapeFile& file_;
   std::vector<PlacedBody> placed_;
-  std::vector<std::size_t> parents_;
+  DisjointSets sets_;  // of those that are placed
 };
 
 double volume_of(const TopoDS_Shape& shape) {

@@ -23,9 +23,10 @@
 #include <algorithm>
 #include <map>
 #include <numbers>
-#include <numeric>
 #include <tuple>
 #include <utility>
+
+#include "octree/disjoint_sets.h"
 
 namespace locvol::cad {
 namespace {
@@ -33,12 +34,7 @@ namespace {
 // Bodies of one part that have faces or edges in common are cut together, so that these are cut
 // once. By body: the first of those that it is cut with.
 std::vector<std::size_t> first_joined(const std::vector<Body>& bodies) {
-  std::vector<std::size_t> parents(bodies.size());
-  std::iota(parents.begin(), parents.end(), std::size_t{0});
-  const auto root_of = [&](std::size_t b) {
-    while (parents[b] != b) b = parents[b] = parents[parents[b]];
-    return b;
-  };
+  DisjointSets sets(bodies.size());
   struct Edges {
     TopTools_IndexedMapOfShape all;
     std::vector<std::size_t> first_with;  // by edge
@@ -49,12 +45,12 @@ std::vector<std::size_t> first_joined(const std::vector<Body>& bodies) {
     for (TopExp_Explorer e(bodies[b].shape, TopAbs_EDGE); e.More(); e.Next()) {
       const auto edge = static_cast<std::size_t>(edges.Add(e.Current()) - 1);
       if (edge == first_with.size()) first_with.push_back(b);
-      const std::size_t one = root_of(first_with[edge]), other = root_of(b);
-      parents[std::max(one, other)] = std::min(one, other);
+      sets.unite(first_with[edge], b);
     }
   }
-  for (std::size_t b = 0; b < bodies.size(); ++b) parents[b] = root_of(b);
-  return parents;
+  std::vector<std::size_t> firsts;
+  for (std::size_t b = 0; b < bodies.size(); ++b) firsts.push_back(sets.find(b));
+  return firsts;
 }
 
 // What bodies that are cut together have between them, while faces are given away one by one.

@@ -186,25 +186,36 @@ TEST_F(Cad, SolidsThatOverlapAreToldByTheirVolume) {
 }
 
 // CAD programs know places to 10^-7 mm: solids that touch may be so far apart in the file, or
-// overlap so much.
+// overlap so much. Those of one file are fused, those of two are brought together, with a note.
 TEST_F(Cad, SolidsThatTouchAsPreciselyAsCadFilesAreTouch) {
   for (const char* unit : {"MM", "INCH"})
-    for (const double off : {6e-8, -6e-8}) {
-      SCOPED_TRACE(std::string(unit) + (off > 0 ? " apart" : " overlapping"));
-      CadShape shape = cad_shape("contact");
-      const int num_faces = num_faces_of(shape.solids[0]) + num_faces_of(shape.solids[1]);
-      gp_Trsf move;
-      move.SetTranslation(gp_Vec(3e-8, 0, off));
-      shape.solids[1] = BRepBuilderAPI_Transform(shape.solids[1], move, true).Shape();
-      shape.name = std::string(unit) + (off > 0 ? "_apart" : "_overlapping");
-      const MeshOptions asked = options(step(shape, unit), Size::percent(4), shape.name);
-      const RunSummary run = meshed(asked);
-      EXPECT_EQ(run.run.counts.num_unresolved, 0U);
-      ASSERT_EQ(run.sheets.bodies.size(), 2U);
-      EXPECT_EQ(run.sheets.sheets.size(), static_cast<std::size_t>(num_faces));
-      const AuditReport report = audit(Store::open(asked.store, {.read_only = true}));
-      EXPECT_TRUE(report.is_valid()) << described(report);
-    }
+    for (const double off : {6e-8, -6e-8})
+      for (const bool is_one_file : {true, false}) {
+        const std::string name = std::string(unit) + (off > 0 ? "_apart" : "_overlapping") +
+                                 (is_one_file ? "" : "_in_two_files");
+        SCOPED_TRACE(name);
+        CadShape shape = cad_shape("contact");
+        const int num_faces = num_faces_of(shape.solids[0]) + num_faces_of(shape.solids[1]);
+        gp_Trsf move;
+        move.SetTranslation(gp_Vec(3e-8, 0, off));
+        shape.solids[1] = BRepBuilderAPI_Transform(shape.solids[1], move, true).Shape();
+        shape.name = name;
+        MeshOptions asked = options(step(shape, unit), Size::percent(4), name);
+        if (!is_one_file) {
+          asked.input = step({name + "_base", {shape.solids[0]}}, unit);
+          asked.more_inputs = {step({name + "_post", {shape.solids[1]}}, unit)};
+        }
+        const RunSummary run = meshed(asked);
+        EXPECT_EQ(run.run.counts.num_unresolved, 0U);
+        ASSERT_EQ(run.sheets.bodies.size(), 2U);
+        EXPECT_EQ(run.sheets.sheets.size(), static_cast<std::size_t>(num_faces));
+        const bool is_told = std::ranges::any_of(run.run.surface.notes, [](const auto& note) {
+          return note.find("which is how precise coordinates are") != note.npos;
+        });
+        EXPECT_EQ(is_told, !is_one_file);
+        const AuditReport report = audit(Store::open(asked.store, {.read_only = true}));
+        EXPECT_TRUE(report.is_valid()) << described(report);
+      }
 }
 
 // ---- Names, colors, units
